@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -84,6 +85,41 @@ def test_a_recording_needs_no_config(trailmark: Run, wheels_config: Path, tmp_pa
 
     assert done.returncode == 0, done.stderr
     assert "plugin: csv_odometry" in (tmp_path / "out" / "config.yaml").read_text()
+
+
+def test_a_recording_that_lacks_a_key_is_told_how_to_be_given_it(trailmark: Run, tmp_path: Path) -> None:
+    (tmp_path / "front").mkdir()
+    for name in ("000.png", "001.png"):
+        cv2.imwrite(str(tmp_path / "front" / name), np.zeros((48, 64), np.uint8))
+
+    for command in ("run", "inspect"):
+        refused = trailmark(command, "front")
+        assert refused.returncode == 2
+        assert "give rate_hz or timestamps" in refused.stderr
+        assert "--set sources.front.KEY=VALUE" in refused.stderr
+        assert trailmark(command, "front", "--set", "sources.front.rate_hz=10").returncode == 0
+
+
+class TestWhatHasNoEffect:
+    def test_a_run_without_a_localizer_is_warned_of(self, trailmark: Run, wheels_config: Path) -> None:
+        shown = trailmark("run", "wheels.csv", "--out", "a", "--no-report")
+        strict = trailmark("run", "wheels.csv", "--out", "b", "--no-report", "--strict")
+
+        assert (shown.returncode, strict.returncode) == (0, 1)
+        assert "WARNING: there is no localizer" in shown.stderr
+
+    def test_frames_that_go_to_a_sink_need_no_localizer(self, trailmark: Run, wheels_config: Path) -> None:
+        sink = "sinks=[{plugin: jsonl, to: out.jsonl}]"
+        done = trailmark("run", "wheels.csv", "--set", sink, "--out", "out", "--no-report", "--strict")
+
+        assert (done.returncode, "WARNING" in done.stderr) == (0, False)
+
+    def test_a_mounting_of_odometry_is_warned_of(self, trailmark: Run, wheels_config: Path) -> None:
+        mounting = "sensors.wheels.mounting.yaw_deg=90"
+        done = trailmark("run", wheels_config, "--set", mounting, "--out", "out", "--no-report", "--strict")
+
+        assert done.returncode == 1
+        assert "WARNING: wheels: its mounting changes nothing" in done.stderr
 
 
 def test_a_folder_that_is_not_empty_is_kept(trailmark: Run, wheels_config: Path, tmp_path: Path) -> None:

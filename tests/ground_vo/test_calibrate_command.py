@@ -14,8 +14,10 @@ from trailmark.config import Mounting, read_calibration
 from trailmark.config.yaml_text import read_yaml
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2, Pose3
+from trailmark.pipeline import SourceStream, read_config
 from trailmark.testing.ground import GroundCamera, MirroredFloor
 from trailmark_ground_vo.calibration import Calibrated
+from trailmark_ground_vo.calibration_drive import Speeds, observe_drive
 from trailmark_ground_vo.commands import _lines
 
 CAMERA = GroundCamera((512, 480), (3.9e-4, 3.9e-4), Pose3(x=0.08, y=0.02, yaw=math.radians(176.0)), noise_sigma=2.0)
@@ -129,3 +131,47 @@ def test_what_is_missing_is_said_in_a_line(there, recording, capsys):
         assert complaint in error
         assert "Traceback" not in error
     assert not (there / "floor.calib.yaml").exists()
+
+
+class TestADriveThatIsNotFinished:
+    """Less than the distance was driven: every figure would be wrong and sure."""
+
+    @pytest.mark.parametrize("duration_s", [1.0, 2.5])
+    def test_pictures_that_end_before_it_measure_nothing(self, there, capsys, duration_s):
+        (there / "robot.yaml").write_text(SIMULATED + f"    duration_s: {duration_s}\n")
+
+        code, out, error = trailmark(capsys, "calibrate", "ground", "robot.yaml", "--distance", "0.3", "--drive")
+
+        assert (code, out) == (2, "")
+        assert "ended before the robot had driven what was asked for" in error
+        assert not list(there.glob("*.calib.*"))
+
+    def test_an_interrupted_one_measures_nothing(self, there, monkeypatch):
+        (there / "robot.yaml").write_text(SIMULATED)
+        config = read_config(there / "robot.yaml")
+        frames = SourceStream.frames
+
+        def interrupted(stream):
+            for n, frame in enumerate(frames(stream)):
+                if n == 90:
+                    raise KeyboardInterrupt
+                yield frame
+
+        monkeypatch.setattr(SourceStream, "frames", interrupted)
+
+        with pytest.raises(KeyboardInterrupt):
+            observe_drive(config, None, Speeds(0.3, 0.0), lambda line: None)
+        by_hand = observe_drive(config, None, None, lambda line: None)
+        assert by_hand.n_pictures == 90  # who drives by hand says so that the drive is over
+
+
+def test_a_folder_that_is_missing_is_said_before_the_drive(there, capsys):
+    (there / "robot.yaml").write_text(SIMULATED)
+
+    code, _, error = trailmark(
+        capsys, "calibrate", "ground", "robot.yaml", "--distance", "0.3", "--drive", "--out", "none/floor.yaml"
+    )
+
+    assert code == 2
+    assert "there is no folder none" in error
+    assert "driving" not in error

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from trailmark.errors import ConfigError
-from trailmark.plugins import Registry, Spec
+from trailmark.plugins import Plugins, Registry, Spec
 
-__all__ = ["guess_config", "is_config"]
+if TYPE_CHECKING:
+    from trailmark.config import RunConfig
+
+__all__ = ["guess_config", "is_config", "read_target", "with_remedy"]
 
 _CONFIG_SUFFIXES = (".yaml", ".yml", ".toml")
 
@@ -18,6 +23,36 @@ _CONFIG_SUFFIXES = (".yaml", ".yml", ".toml")
 def is_config(target: str) -> bool:
     """Whether a command's argument is a config file, by its suffix."""
     return Path(target).suffix.lower() in _CONFIG_SUFFIXES
+
+
+def read_target(target: str, plugins: Plugins, overrides: Sequence[Any] = ()) -> RunConfig:
+    """Read the config file that a command names, or the config of a recording that it names alone.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, no source knows what to do with it, or the config is wrong.
+    """
+    from trailmark.pipeline import read_config
+
+    if is_config(target):
+        return read_config(target, plugins=plugins, overrides=overrides)
+    config = guess_config(target, plugins.registry)
+    with with_remedy(config):
+        return read_config(config, plugins=plugins, overrides=overrides)
+
+
+@contextmanager
+def with_remedy(config: Any) -> Iterator[None]:
+    """Say in an error about a guessed config where its keys can be given: there is no file to write them in."""
+    try:
+        yield
+    except ConfigError as error:
+        if not isinstance(config, Mapping):
+            raise
+        (source,) = config["sources"]
+        remedy = f"a recording that is named without a config takes keys so: --set sources.{source}.KEY=VALUE"
+        raise ConfigError(f"{error}; {remedy}") from error
 
 
 def guess_config(target: str, registry: Registry) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def init_command(context: click.Context, name: str | None, out: Path | None, for
     path.write_text(texts[name], encoding="utf-8")
     for question in _questions(texts[name]):
         click.echo(question)
-    click.echo(f"wrote {path}; read it, then: trailmark run {path}")
+    click.echo(f"wrote {path}; its first lines say what it is for, and which commands to give")
 
 
 def starters(plugins: Plugins) -> dict[str, str]:

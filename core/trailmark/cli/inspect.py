@@ -19,7 +19,7 @@ from trailmark.config import SensorOverride
 from trailmark.errors import ConfigError
 from trailmark.frames import Frame, SensorInfo
 from trailmark.interfaces import FrameSource, Session
-from trailmark.pipeline import SourceStream, build_sources, read_config
+from trailmark.pipeline import SourceStream, build_sources
 
 if TYPE_CHECKING:
     from trailmark.plugins import Registry
@@ -52,14 +52,13 @@ def inspect_command(
 
     Of a network, such as ros2://0, show what is on it.
     """
-    from trailmark.cli.guess import guess_config, is_config
+    from trailmark.cli.guess import read_target
 
     plugins = plugins_of(context)
     if "://" in target:
         _survey(target, plugins.registry, as_json)
         return
-    config = target if is_config(target) else guess_config(target, plugins.registry)
-    run_config = read_config(config, plugins=plugins, overrides=overrides)
+    run_config = read_target(target, plugins, overrides)
     if not run_config.sources:
         raise ConfigError(f"{target}: there are no sources to inspect")
     rows: list[dict[str, Any]] = []

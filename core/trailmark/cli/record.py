@@ -41,14 +41,11 @@ def record_command(
 
     `trailmark run DIR/config.yaml` plays them again. Ctrl-C ends a recording and keeps it; localizers are not run.
     """
-    from trailmark.cli.guess import guess_config, is_config
+    from trailmark.cli.guess import read_target
     from trailmark.cli.progress import RunProgress
-    from trailmark.pipeline import read_config
     from trailmark.recording import record_sources
 
-    plugins = plugins_of(context)
-    config = target if is_config(target) else guess_config(target, plugins.registry)
-    run_config = read_config(config, plugins=plugins, overrides=overrides)
+    run_config = read_target(target, plugins_of(context), overrides)
     if not run_config.sources:
         raise ConfigError(f"{target}: there are no sources to record; add a section 'sources:'")
     with RunProgress(progress) as on_step:

@@ -173,11 +173,14 @@ def _request(
 def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> None:
     """Run what is asked for, with progress, and print what came of it."""
     from trailmark.api import run
+    from trailmark.cli.guess import with_remedy
     from trailmark.cli.progress import RunProgress
+    from trailmark.cli.without_effect import without_effect
     from trailmark.evaluation import RunWarning
     from trailmark.pipeline import link_latest, new_folder
 
-    config = request.read()
+    with with_remedy(request.config):
+        config = request.read()
     for notice in config.notices:
         say(notice)
     if not config.sources:
@@ -192,6 +195,7 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
             link_latest(Path(folder).absolute())
         _tell(result, Path(folder), options["as_json"], is_quiet=options["progress"] == "json", has_report=has_report)
         warnings = [RunWarning(**warning) for warning in result.metrics.get("warnings", ())]
+        warnings += without_effect(config, Path(folder))
         for warning in warnings:
             say(f"WARNING: {warning}")
     if result.status == "interrupted":

@@ -83,7 +83,7 @@ def missing_requirements(distribution: str, extra: str) -> list[str]:
 
 def _finding_of_failure(record: PluginRecord) -> Finding:
     if record.needs_other_api:
-        remedy = f"pip install --upgrade {record.distribution} trailmark"
+        remedy = f"pip install --upgrade {record.distribution}, or take the release of Trailmark that it is written for"
         return Finding("error", "api", record.origin, record.error, remedy, record.traceback)
     remedy = f"mend or reinstall {record.distribution}, or leave it out: --plugin no:{record.name}"
     return Finding("error", "broken", record.origin, record.error, remedy, record.traceback)

@@ -32,7 +32,7 @@ _MEANINGS = {
     "age max": "Time from the instant an estimate is about to its arrival, the longest.",
     "NIS of": "How many estimates were compared with the belief.",
     "NIS/dof": "Normalised innovation squared: how much estimates differ from the belief, in units of what both state."
-    " Above the interval: too sure. Below: surer than they say. Too sure: raise the sigmas in the localizer's config.",
+    " Above the interval: too sure. Below: better than they say. Too sure: raise the sigmas in the localizer's config.",
     "NEES of": "How many estimates were compared with the truth.",
     "NEES/dof": "Normalised estimation error squared: how wrong estimates are, in units of what they state. 1 is"
     " honest, above is too sure; errors that are shared from frame to frame, as of a scale, count again each time.",

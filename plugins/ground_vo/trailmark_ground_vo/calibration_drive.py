@@ -84,7 +84,9 @@ def observe_drive(
     ConfigError
         If there is no such camera, or nothing that could be driven.
     DataError
-        If no picture fits to the one before.
+        If no picture fits to the one before, or the pictures end before a drive that was asked for is over.
+    KeyboardInterrupt
+        If a drive that was asked for is interrupted: less than the distance would be taken for it.
     """
     sources = build_sources(config)
     if not sources:
@@ -125,7 +127,7 @@ def _observe_drive(
     bare = replace(sensor, pose_base_sensor=Pose3(), calibration=plane)
     localizer.start(Session(name="calibrate", sensors={sensor.name: bare}))
     rows, n_pictures, n_lost = [], 0, 0
-    with suppress(KeyboardInterrupt):  # how a person says that the drive is over
+    with suppress(*([KeyboardInterrupt] if drive is None else [])):  # how who drives by hand says that it is over
         for frame in _frames(source, sensor, drive, say):
             n_pictures += 1
             for estimate in localizer.observe(frame, Belief(frame.stamp_s)):
@@ -166,6 +168,10 @@ def _frames(
                 return
             robot.drive(command)
         last_s = frame.stamp_s
+    raise DataError(
+        f"the pictures of {sensor.name!r} ended before the robot had driven what was asked for: nothing was measured;"
+        " a recording or a simulation must last longer, a camera must go on"
+    )
 
 
 def _orders(robot: Drivable, drive: Speeds, say: Callable[[str], None]) -> _Orders:

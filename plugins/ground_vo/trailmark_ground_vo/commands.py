@@ -52,18 +52,12 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
     request = _GroundRequest(**options)
     _check(request)
     from trailmark.cli.errors import say
-    from trailmark.cli.guess import guess_config, is_config
+    from trailmark.cli.guess import read_target
     from trailmark.cli.root import plugins_of
-    from trailmark.pipeline import read_config
     from trailmark_ground_vo.calibration import Known, calibrate
     from trailmark_ground_vo.calibration_drive import Speeds, observe_drive
 
-    plugins = plugins_of(context)
-    run_config = read_config(
-        config if is_config(config) else guess_config(config, plugins.registry),
-        plugins=plugins,
-        overrides=request.overrides,
-    )
+    run_config = read_target(config, plugins_of(context), request.overrides)
     if not request.as_json:
         say(_GUIDE)
     sign = -1.0 if request.backward else 1.0
@@ -102,6 +96,8 @@ def _check(request: _GroundRequest) -> None:
         raise ConfigError("--distance, --sideways and --distance-sigma are lengths in metres, greater than 0")
     if request.is_driven and len(request.distances) + len(request.sideways) > 1:
         raise ConfigError("--drive drives one straight move: give one --distance and no --sideways")
+    if request.out is not None and not request.out.parent.is_dir():
+        raise ConfigError(f"--out {request.out}: there is no folder {request.out.parent}; make it before the drive")
 
 
 def _write(file: Path, found: Calibrated, sensor: SensorInfo) -> None:

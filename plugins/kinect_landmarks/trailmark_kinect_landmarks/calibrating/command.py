@@ -113,13 +113,12 @@ def _views(recording: str, plugins: Plugins, request: _RgbdRequest) -> tuple[lis
     from itertools import islice
 
     from trailmark.cli.errors import say
-    from trailmark.cli.guess import guess_config, is_config
-    from trailmark.pipeline import build_sources, read_config
+    from trailmark.cli.guess import read_target
+    from trailmark.pipeline import build_sources
     from trailmark_kinect_landmarks.calibrating.board import find_board
     from trailmark_kinect_landmarks.calibrating.recordings import choose_sensors, pairs, start_sources
 
-    config = recording if is_config(recording) else guess_config(recording, plugins.registry)
-    sources = build_sources(read_config(config, plugins=plugins))
+    sources = build_sources(read_target(recording, plugins))
     views: list[BoardView] = []
     n, sizes = 0, None
     try:
