@@ -96,8 +96,15 @@ def test_a_recording_that_lacks_a_key_is_told_how_to_be_given_it(trailmark: Run,
         refused = trailmark(command, "front")
         assert refused.returncode == 2
         assert "give rate_hz or timestamps" in refused.stderr
-        assert "--set sources.front.KEY=VALUE" in refused.stderr
+        assert "Without a config, give a key of the source by --set sources.front.KEY=VALUE" in refused.stderr
         assert trailmark(command, "front", "--set", "sources.front.rate_hz=10").returncode == 0
+
+
+def test_what_another_part_lacks_is_no_key_of_the_source(trailmark: Run, wheels_config: Path) -> None:
+    refused = trailmark("run", "wheels.csv", "--localizer", "nosuch")
+
+    assert refused.returncode == 2
+    assert "Without a config" not in refused.stderr
 
 
 class TestWhatHasNoEffect:
@@ -114,12 +121,29 @@ class TestWhatHasNoEffect:
 
         assert (done.returncode, "WARNING" in done.stderr) == (0, False)
 
-    def test_a_mounting_of_odometry_is_warned_of(self, trailmark: Run, wheels_config: Path) -> None:
-        mounting = "sensors.wheels.mounting.yaw_deg=90"
+    @pytest.mark.parametrize("place", ["sources.wheels", "sensors.wheels"])
+    def test_a_mounting_of_odometry_is_warned_of(self, trailmark: Run, wheels_config: Path, place: str) -> None:
+        mounting = f"{place}.mounting.yaw_deg=90"
         done = trailmark("run", wheels_config, "--set", mounting, "--out", "out", "--no-report", "--strict")
 
         assert done.returncode == 1
         assert "WARNING: wheels: its mounting changes nothing" in done.stderr
+
+    def test_a_mounting_that_is_believed_wrongly_is_none_that_was_asked_for(
+        self, trailmark: Run, tmp_path: Path
+    ) -> None:
+        (tmp_path / "robot.yaml").write_text(
+            "sources:\n"
+            "  robot:\n"
+            "    {plugin: sim, world: supermarket, sensors: [wheels, laser], duration_s: 1, threads: 1,\n"
+            "     perturb: {wrong: {yaw_deg: 2}}}\n"
+            "localizers: {wheels: {plugin: odometry}}\n"
+        )
+
+        done = trailmark("run", "robot.yaml", "--out", "out", "--no-report")
+
+        assert done.returncode == 0, done.stderr
+        assert "mounting changes nothing" not in done.stderr
 
 
 def test_a_folder_that_is_not_empty_is_kept(trailmark: Run, wheels_config: Path, tmp_path: Path) -> None:

@@ -44,15 +44,15 @@ def read_target(target: str, plugins: Plugins, overrides: Sequence[Any] = ()) ->
 
 @contextmanager
 def with_remedy(config: Any) -> Iterator[None]:
-    """Say in an error about a guessed config where its keys can be given: there is no file to write them in."""
+    """Say in an error about the source of a guessed config how to give its keys: there is no file to write in."""
     try:
         yield
     except ConfigError as error:
-        if not isinstance(config, Mapping):
+        source = next(iter(config["sources"])) if isinstance(config, Mapping) else None
+        if source is None or f"sources.{source}" not in str(error):
             raise
-        (source,) = config["sources"]
-        remedy = f"a recording that is named without a config takes keys so: --set sources.{source}.KEY=VALUE"
-        raise ConfigError(f"{error}; {remedy}") from error
+        remedy = f"Without a config, give a key of the source by --set sources.{source}.KEY=VALUE"
+        raise ConfigError(f"{error}\n{remedy}") from error
 
 
 def guess_config(target: str, registry: Registry) -> dict[str, Any]:

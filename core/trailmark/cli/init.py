@@ -35,7 +35,8 @@ def init_command(context: click.Context, name: str | None, out: Path | None, for
     path.write_text(texts[name], encoding="utf-8")
     for question in _questions(texts[name]):
         click.echo(question)
-    click.echo(f"wrote {path}; its first lines say what it is for, and which commands to give")
+    renamed = "" if path.name == f"{name}.yaml" else f" (write {path.name} for {name}.yaml there)"
+    click.echo(f"wrote {path}; its first lines say what it is for, and which commands to give{renamed}")
 
 
 def starters(plugins: Plugins) -> dict[str, str]:

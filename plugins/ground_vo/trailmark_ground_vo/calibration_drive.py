@@ -127,7 +127,7 @@ def _observe_drive(
     bare = replace(sensor, pose_base_sensor=Pose3(), calibration=plane)
     localizer.start(Session(name="calibrate", sensors={sensor.name: bare}))
     rows, n_pictures, n_lost = [], 0, 0
-    with suppress(*([KeyboardInterrupt] if drive is None else [])):  # how who drives by hand says that it is over
+    with suppress(*([KeyboardInterrupt] if drive is None else [])):  # Ctrl-C ends a drive by hand
         for frame in _frames(source, sensor, drive, say):
             n_pictures += 1
             for estimate in localizer.observe(frame, Belief(frame.stamp_s)):
@@ -169,8 +169,8 @@ def _frames(
             robot.drive(command)
         last_s = frame.stamp_s
     raise DataError(
-        f"the pictures of {sensor.name!r} ended before the robot had driven what was asked for: nothing was measured;"
-        " a recording or a simulation must last longer, a camera must go on"
+        f"the pictures of {sensor.name!r} ended before the drive was over: nothing was measured; let the simulation"
+        " last longer (its duration_s), or look why the camera stopped"
     )
 
 
