@@ -201,6 +201,7 @@ def _execute(request: RunRequest, target: str, options: Mapping[str, Any]) -> No
     if result.status == "interrupted":
         raise click.exceptions.Exit(130)
     if warnings and options["strict"]:
+        say(f"failed because of --strict: the end has {len(warnings)} warning{'s' * (len(warnings) > 1)}")
         raise click.exceptions.Exit(1)
 
 
