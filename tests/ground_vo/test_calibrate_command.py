@@ -175,3 +175,15 @@ def test_a_folder_that_is_missing_is_said_before_the_drive(there, capsys):
     assert code == 2
     assert "there is no folder none" in error
     assert "driving" not in error
+
+
+@pytest.mark.parametrize(("window", "verb"), [("stop_s=0.6", "ends"), ("start_s=0.6", "begins")])
+def test_a_move_that_is_cut_off_is_not_taken_for_a_whole_one(there, recording, capsys, window, verb):
+    (there / "mine.yaml").write_text(f"sources: {{floor: {{plugin: image_folder, path: {recording}, rate_hz: 70}}}}\n")
+
+    code, out, error = trailmark(
+        capsys, "calibrate", "ground", "mine.yaml", "--distance", "0.12", "--set", f"sources.floor.{window}"
+    )
+
+    assert (code, out) == (2, "")
+    assert f"the recording {verb} while the camera moves" in error

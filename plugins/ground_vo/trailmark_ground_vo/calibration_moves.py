@@ -75,7 +75,7 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
     Raises
     ------
     DataError
-        If the camera saw nothing move.
+        If the camera saw nothing move, or the first or the last move is cut off.
     """
     if len(steps) == 0:
         raise DataError("no motion was seen: fewer than two pictures, or none that fit together")
@@ -86,6 +86,9 @@ def moves_of(steps: Steps, pixel_m: float) -> list[Move]:
     is_moving = sizes_px > moves_px
     if not is_moving.any():
         raise DataError("the camera stood still all the time")
+    for end, verb in ((0, "begins"), (-1, "ends")):
+        if is_moving[end]:  # a move that is cut off would be taken for a whole one
+            raise DataError(f"the recording {verb} while the camera moves: it must stand still for a second there")
     edges = [0]
     for first, last in _runs(~is_moving):
         is_at_end = first == 0 or last == len(pictures)

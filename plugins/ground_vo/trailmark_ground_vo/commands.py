@@ -114,7 +114,7 @@ def _write(file: Path, found: Calibrated, sensor: SensorInfo) -> None:
         if plane is not None and plane.lens is not None:
             document["lens"] = calibration_to_document(plane.lens)
         if plane is not None and plane.flat_field is not None:
-            flat = file.with_name(f"{file.name.split('.')[0]}.flat.npy")
+            flat = file.with_suffix(".flat.npy")
             np.save(flat, plane.flat_field)
             document["flat_field"] = flat.name
         comment = "\n".join(f"# {line}".rstrip() for line in _lines(found, sensor, file))
