@@ -106,7 +106,8 @@ def test_a_source_that_fails_leaves_what_came_before(trailmark: Run, drive: Path
     [
         (("wheels.yaml",), ("--out",)),
         (("nowhere.yaml", "--out", "set"), ("nowhere.yaml",)),
-        (("wheels.yaml", "--out", "pictures"), ("pictures is not empty", "--overwrite")),
+        (("wheels.yaml", "--out", "full"), ("full is not empty", "--overwrite")),
+        (("wheels.yaml", "--out", "pictures"), ("sources.front.path is read from there",)),
         (("empty.yaml", "--out", "set"), ("empty.yaml", "no sources to record")),
     ],
 )
@@ -114,6 +115,8 @@ def test_a_wrong_request_is_one_line(
     trailmark: Run, drive: Path, tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     (tmp_path / "empty.yaml").write_text("seed: 1\n")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").touch()
 
     done = trailmark("record", *arguments)
 
@@ -121,6 +124,18 @@ def test_a_wrong_request_is_one_line(
     assert all(word in done.stderr for word in words)
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "set").exists()
+
+
+def test_what_is_read_is_not_written_over(trailmark: Run, drive: Path, tmp_path: Path) -> None:
+    assert trailmark("record", drive, "--out", "kept").returncode == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()}
+
+    for target in ("kept/config.yaml", "kept/wheels.csv"):
+        refused = trailmark("record", target, "--out", "kept", "--overwrite")
+        assert refused.returncode == 2
+        assert "is read from there; choose another folder" in refused.stderr
+
+    assert {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()} == before
 
 
 def test_ctrl_c_keeps_a_recording_that_plays_again(drive: Path, tmp_path: Path) -> None:

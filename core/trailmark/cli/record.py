@@ -14,6 +14,7 @@ from trailmark.errors import ConfigError
 from trailmark.interruption import TELL_S, shielded
 
 if TYPE_CHECKING:
+    from trailmark.config import RunConfig
     from trailmark.recording import Recording
 
 __all__ = ["record_command"]
@@ -48,12 +49,21 @@ def record_command(
     run_config = read_target(target, plugins_of(context), overrides)
     if not run_config.sources:
         raise ConfigError(f"{target}: there are no sources to record; add a section 'sources:'")
+    _refuse_own_sources(run_config, out)
     with RunProgress(progress) as on_step:
         recording = record_sources(run_config, out, overwrite=overwrite, on_step=on_step)
     with shielded(TELL_S):
         _tell(recording, out, as_json)
     if recording.status == "interrupted":
         raise click.exceptions.Exit(130)
+
+
+def _refuse_own_sources(config: RunConfig, out: Path) -> None:
+    """Refuse a folder that holds what is recorded from: it would be written over while it is read."""
+    for source in config.sources.values():
+        for key, value in source.config.model_dump().items():
+            if isinstance(value, Path) and value.resolve().is_relative_to(out.resolve()):
+                raise ConfigError(f"--out {out}: sources.{source.name}.{key} is read from there; choose another folder")
 
 
 def _tell(recording: Recording, out: Path, as_json: bool) -> None:
