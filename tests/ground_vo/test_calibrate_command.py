@@ -7,18 +7,19 @@ import math
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 from trailmark.cli import main
 from trailmark.config import Mounting, read_calibration
 from trailmark.config.yaml_text import read_yaml
-from trailmark.frames import SensorInfo
+from trailmark.frames import GroundPlane, SensorInfo
 from trailmark.geometry import Pose2, Pose3
 from trailmark.pipeline import SourceStream, read_config
 from trailmark.testing.ground import GroundCamera, MirroredFloor
 from trailmark_ground_vo.calibration import Calibrated
 from trailmark_ground_vo.calibration_drive import Speeds, observe_drive
-from trailmark_ground_vo.commands import _lines
+from trailmark_ground_vo.commands import _lines, _write
 
 CAMERA = GroundCamera((512, 480), (3.9e-4, 3.9e-4), Pose3(x=0.08, y=0.02, yaw=math.radians(176.0)), noise_sigma=2.0)
 SIMULATED = """
@@ -114,6 +115,16 @@ def test_the_line_for_the_config_keeps_what_was_known(lever_m: tuple[float, floa
     config = read_yaml(f"{head}\n{line}\n")[0]["sensors"]["floor"]
     assert config["calibration"] == "floor.calib.yaml"
     assert Mounting(**config["mounting"]) == Mounting(x=round(x, 5), y=y, z=0.2, roll_deg=180.0, yaw_deg=176.0)
+
+
+def test_two_calibrations_of_one_folder_have_a_flat_field_each(tmp_path: Path) -> None:
+    found = Calibrated((4e-4, 4e-4), (1e-6, 1e-6), True, 0.0, 1e-3, None, None, 1.0)
+    for name, brightness in (("cal.a.yaml", 0.5), ("cal.b.yaml", 0.9)):
+        plane = GroundPlane((4e-4, 4e-4), flat_field=np.full((2, 2), brightness, np.float32))
+        _write(tmp_path / name, found, SensorInfo("floor", "image", calibration=plane))
+
+    fields = [read_calibration(tmp_path / name).flat_field for name in ("cal.a.yaml", "cal.b.yaml")]
+    assert [float(field[0, 0]) for field in fields] == pytest.approx([0.5, 0.9])
 
 
 def test_what_is_missing_is_said_in_a_line(there, recording, capsys):
