@@ -109,7 +109,7 @@ def test_the_line_for_the_config_keeps_what_was_known(lever_m: tuple[float, floa
     found = Calibrated((4e-4, 4e-4), (1e-6, 1e-6), True, math.radians(176.0), 1e-3, lever_m, sigma, 1.0)
     known = Pose3(x=0.05, z=0.2, roll=math.radians(180.0), yaw=math.radians(90.0))
 
-    *_, head, line = _lines(found, SensorInfo("floor", "image", pose_base_sensor=known), tmp_path / "floor.calib.yaml")
+    *_, head, line = _lines(found, SensorInfo("floor", "image", pose_base_sensor=known), "floor.calib.yaml")
 
     x, y = lever_m or (0.05, 0.0)
     config = read_yaml(f"{head}\n{line}\n")[0]["sensors"]["floor"]
@@ -121,7 +121,7 @@ def test_two_calibrations_of_one_folder_have_a_flat_field_each(tmp_path: Path) -
     found = Calibrated((4e-4, 4e-4), (1e-6, 1e-6), True, 0.0, 1e-3, None, None, 1.0)
     for name, brightness in (("cal.a.yaml", 0.5), ("cal.b.yaml", 0.9)):
         plane = GroundPlane((4e-4, 4e-4), flat_field=np.full((2, 2), brightness, np.float32))
-        _write(tmp_path / name, found, SensorInfo("floor", "image", calibration=plane))
+        _write(tmp_path / name, found, SensorInfo("floor", "image", calibration=plane), ["told"])
 
     fields = [read_calibration(tmp_path / name).flat_field for name in ("cal.a.yaml", "cal.b.yaml")]
     assert [float(field[0, 0]) for field in fields] == pytest.approx([0.5, 0.9])
@@ -136,12 +136,51 @@ def test_what_is_missing_is_said_in_a_line(there, recording, capsys):
         ((*command, "--distance", "-1"), "greater than 0"),
         ((*command, "--distance", "0.1", "--drive"), "cannot be driven"),
         ((*command, "--distance", "0.1", "--camera", "roof"), "no camera 'roof'; there are: floor"),
+        ((*command, "--distance", "0.1", "--turn", "90"), "--turn says how far --drive turns the robot"),
     ):
         code, _, error = trailmark(capsys, *arguments)
         assert code == 2
         assert complaint in error
         assert "Traceback" not in error
     assert not (there / "floor.calib.yaml").exists()
+
+
+def test_a_file_that_is_there_is_kept(there, recording, capsys):
+    (there / "mine.yaml").write_text(f"sources: {{floor: {{plugin: image_folder, path: {recording}, rate_hz: 70}}}}\n")
+    (there / "floor.calib.yaml").write_text("mine")
+    command = ("calibrate", "ground", "mine.yaml", "--distance", "0.12")
+
+    code, out, error = trailmark(capsys, *command)
+
+    assert (code, out) == (2, "")
+    assert "floor.calib.yaml is there already; choose another --out, or --overwrite" in error
+    assert (there / "floor.calib.yaml").read_text() == "mine"
+    assert trailmark(capsys, *command, "--overwrite")[0] == 0
+    assert read_calibration(there / "floor.calib.yaml").metres_per_pixel[0] == pytest.approx(3.9e-4, rel=0.01)
+
+
+def test_the_line_for_the_config_names_the_file_as_the_config_finds_it(there, recording, capsys):
+    (there / "robot" / "lenses").mkdir(parents=True)
+    (there / "robot" / "mine.yaml").write_text(
+        f"sources: {{floor: {{plugin: image_folder, path: {recording}, rate_hz: 70}}}}\n"
+    )
+    command = ("calibrate", "ground", "robot/mine.yaml", "--distance", "0.12")
+
+    below = trailmark(capsys, *command, "--out", "robot/lenses/a.yaml")
+    elsewhere = trailmark(capsys, *command)
+
+    assert "calibration: lenses/a.yaml}" in below[1]
+    assert f"calibration: {there.resolve() / 'floor.calib.yaml'}}}" in elsewhere[1]
+
+
+@pytest.mark.parametrize(("believed_deg", "is_doubted"), [(0.0, False), (170.0, False), (90.0, True)])
+def test_a_heading_far_from_the_config_s_is_doubted(believed_deg, is_doubted):
+    found = Calibrated((4e-4, 4e-4), (1e-6, 1e-6), True, math.radians(176.0), 1e-3, None, None, 1.0)
+    known = Pose3(yaw=math.radians(believed_deg))  # without any mounting nothing is believed
+
+    lines = _lines(found, SensorInfo("floor", "image", pose_base_sensor=known), "floor.calib.yaml")
+
+    assert ("86 deg from the config's" in "\n".join(lines)) is is_doubted
 
 
 class TestADriveThatIsNotFinished:
@@ -186,6 +225,19 @@ def test_a_folder_that_is_missing_is_said_before_the_drive(there, capsys):
     assert code == 2
     assert "there is no folder none" in error
     assert "driving" not in error
+
+
+def test_why_pictures_were_lost_is_said(there, capsys):
+    pictures = there / "dark"
+    pictures.mkdir()
+    for number in range(40):
+        cv2.imwrite(str(pictures / f"{number:03d}.png"), np.full((120, 160), 3, np.uint8))
+    (there / "mine.yaml").write_text("sources: {floor: {plugin: image_folder, path: dark, rate_hz: 70}}\n")
+
+    code, _, error = trailmark(capsys, "calibrate", "ground", "mine.yaml", "--distance", "0.12")
+
+    assert code == 2
+    assert "no two of them fit together: " in error
 
 
 @pytest.mark.parametrize(("window", "verb"), [("stop_s=0.6", "ends"), ("start_s=0.6", "begins")])

@@ -95,6 +95,37 @@ def test_a_move_to_the_side_tells_the_other_scale():
     assert found.metres_per_pixel == pytest.approx((PIXEL_M / 1.05, PIXEL_M / 0.98), rel=1e-6)
 
 
+AHEAD, ASIDE = line(0.6), line(0.3, angle_rad=math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("moves", "known", "complaint"),
+    [
+        ([ASIDE, AHEAD], Known([0.6], [0.3]), "4.00 times as high as it was believed"),
+        ([AHEAD, line(0.7), ASIDE], Known([0.6, 0.3], [0.7]), "contradict each other|deg apart|times as high"),
+        ([AHEAD, line(0.3)], Known([0.3, 0.6]), "that of 0.3 m was"),
+        ([AHEAD, line(0.7), ASIDE], Known([0.7, 0.6], [0.3]), "contradict each other: by all of them"),
+        ([AHEAD, ASIDE], Known([0.6, 0.3]), "moves 1 and 2 are 90 deg apart"),
+        ([AHEAD, line(-0.6)], Known([0.6, 0.6]), "moves 1 and 2 are 180 deg apart"),
+    ],
+)
+def test_lengths_in_another_order_than_they_were_driven_are_refused(moves, known, complaint):
+    course = [*rest(), *(step for move in moves for step in [*move, *rest()])]
+
+    with pytest.raises(DataError, match=complaint) as refusal:
+        calibrate(seen(course, Pose2(0.1, 0.0, math.radians(180.0)), noise_px=0.05), known, ASSUMED)
+    assert "in the order of driving" in str(refusal.value)
+
+
+def test_a_length_that_a_tape_gets_wrong_by_a_little_is_no_contradiction():
+    moves = [*rest(), *line(0.500), *rest(), *line(0.510), *rest(), *line(0.30, angle_rad=math.pi / 2), *rest()]
+
+    found = calibrate(seen(moves, Pose2(), noise_px=0.05), Known([0.5, 0.5], [0.3], sigma_m=1e-3), ASSUMED)
+
+    assert found.has_both_scales
+    assert found.metres_per_pixel == pytest.approx((PIXEL_M, PIXEL_M), rel=0.02)
+
+
 def test_two_moves_along_one_axis_tell_one_scale_and_their_scatter():
     moves = [*rest(), *line(0.500), *rest(), *line(0.505), *rest()]
 

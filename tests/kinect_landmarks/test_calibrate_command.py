@@ -140,6 +140,8 @@ def test_the_paper_s_way_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (("--edges", "33,34,25,26"), "leaves 2 x 2 px of 640 x 480: give the columns and rows"),
         (("--edges", "33,606,25,454", "--size", "640"), "--size takes WIDTHxHEIGHT"),
         (("nowhere/",), "no file or folder nowhere/"),
+        (("--edges", "33,606,25,454", "--board", "0.6x0.45"), "--board has no effect here"),
+        (("nowhere/", "--size", "640x480"), "--size has no effect here: a recording tells the sizes"),
     ],
 )
 def test_wrong_requests_are_told_in_one_line(
@@ -161,6 +163,20 @@ def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixt
     assert code == 2
     assert "--overwrite" in error
     assert out.read_text() == "mine"
+
+
+def test_a_lens_of_another_size_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lens = tmp_path / "lens.yaml"
+    lens.write_text("fx: 1180\nfy: 1180\ncx: 640\ncy: 480\n", encoding="utf-8")
+    out = tmp_path / "hand.calib.yaml"
+
+    code, _, error = _run(capsys, "--edges", "33,606,25,454", "--colour", lens, "--out", out)
+
+    assert code == 2
+    assert "far from the middle of the pictures of 640 x 480 px; calibrate it at their size" in error
+    assert not out.exists()
+    whole = ("--edges", "66,1212,50,908", "--size", "1280x960", "--colour", lens, "--out", out)
+    assert _run(capsys, *whole)[0] == 0
 
 
 def test_too_few_views_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -32,6 +32,20 @@ def test_colour_and_depth_are_written_as_the_tum_benchmark_does(tmp_path: Path) 
     assert (tmp_path / "set" / "eyes" / "camera.txt").read_text() == "500.0 501.0 320.0 240.0\n5000.0\n"
 
 
+def test_depth_that_is_too_far_for_a_picture_is_no_wall(tmp_path: Path) -> None:
+    info = SensorInfo("eyes", "rgbd", (4, 1), 30.0, calibration=DepthCamera(Pinhole(4.0, 4.0, 2.0, 0.0)))
+    depth = np.array([[3.0, 13.106, 13.108, 40.0]], dtype=np.float32)
+    writer = DatasetWriter(tmp_path / "set", {"eyes": info})
+
+    writer.write(Frame("eyes", 0.25, RGBD(np.full((1, 4, 3), 9, np.uint8), depth)))
+    writer.close(None)
+
+    stored = cv2.imread(str(tmp_path / "set" / "eyes" / "depth" / "000000.png"), cv2.IMREAD_UNCHANGED)
+    assert stored is not None
+    assert stored.tolist() == [[15000, 65530, 0, 0]]
+    assert writer.n_too_far == {"eyes": 2}
+
+
 def test_a_scan_is_written_as_a_carmen_log_that_plays_again(tmp_path: Path) -> None:
     from trailmark.interfaces import Session
     from trailmark.plugins import load_plugins

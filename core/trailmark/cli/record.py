@@ -75,9 +75,20 @@ def _tell(recording: Recording, out: Path, as_json: bool) -> None:
         say(f"{', '.join(unplayed)}: written for other programs; no source plays it again")
     if recording.n_dropped:
         say(f"{recording.n_dropped} frames were dropped: they came faster than they could be written")
+    if recording.n_too_far:
+        say(
+            f"{recording.n_too_far} depth values beyond 13.1 m, which a picture of 16 bits cannot hold, are written as"
+            " not measured"
+        )
     if as_json:
         document = {"status": recording.status, "folder": str(out), "frames": dict(recording.frames)}
-        click.echo(json.dumps(document | {"playable": recording.playable, "dropped": recording.n_dropped}, indent=1))
+        click.echo(
+            json.dumps(
+                document
+                | {"playable": recording.playable, "dropped": recording.n_dropped, "too_far": recording.n_too_far},
+                indent=1,
+            )
+        )
         return
     for name, count in recording.frames.items():
         click.echo(f"{count:>8} frames of {name}")

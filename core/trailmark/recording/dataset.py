@@ -22,6 +22,8 @@ __all__ = ["DatasetWriter"]
 
 #: Depth values per metre in 16-bit pictures, as in the TUM RGB-D benchmark.
 _DEPTH_FACTOR = 5000.0
+#: What is farther than a picture can hold was not measured: its largest value would be a wall that is not there.
+_FARTHEST_M = 65535 / _DEPTH_FACTOR
 #: Farther than any laser sees: no return is lost when the log is played, which says itself what the range is.
 _BEYOND_M = 1e6
 
@@ -42,8 +44,9 @@ class DatasetWriter:
     ========  ====================================================================================
 
     Beside them stand ``NAME.calib.yaml`` (arrays of it in ``.npy`` files), ``groundtruth.tum``, and ``config.yaml``
-    with the mountings, which plays the data set again. Depth is rounded to 0.2 mm and ends at 13.1 m; what no source
-    reads (`playable`) is for other programs.
+    with the mountings, which plays the data set again. Depth is rounded to 0.2 mm; what is farther than
+    13.1 m is written as not measured, and counted (`n_too_far`). What no source reads (`playable`) is for other
+    programs.
 
     Parameters
     ----------
@@ -68,6 +71,7 @@ class DatasetWriter:
         self._texts: dict[str, TextIO] = {}
         self._headers: dict[str, str] = {}
         self.counts = dict.fromkeys(sensors, 0)
+        self.n_too_far: dict[str, int] = {}
 
     @property
     def playable(self) -> tuple[str, ...]:
@@ -114,9 +118,12 @@ class DatasetWriter:
         write_whole(self.folder / "config.yaml", dump_yaml(self._config(truth is not None)))
 
     def _write_rgbd(self, name: str, number: str, stamp_s: float, payload: RGBD) -> None:
-        depth = np.where(np.isfinite(payload.depth_m), payload.depth_m, 0.0) * _DEPTH_FACTOR
+        is_known = np.isfinite(payload.depth_m)
+        is_too_far = is_known & (payload.depth_m > _FARTHEST_M)
+        self.n_too_far[name] = self.n_too_far.get(name, 0) + int(is_too_far.sum())
+        depth = np.where(is_known & ~is_too_far, payload.depth_m, 0.0) * _DEPTH_FACTOR
         write_png(self.folder / name / "rgb" / f"{number}.png", payload.bgr)
-        write_png(self.folder / name / "depth" / f"{number}.png", np.rint(np.clip(depth, 0, 65535)).astype(np.uint16))
+        write_png(self.folder / name / "depth" / f"{number}.png", np.rint(np.maximum(depth, 0.0)).astype(np.uint16))
         for kind in ("rgb", "depth"):
             self._line(f"{name}/{kind}.txt", f"{stamp_s!r} {kind}/{number}.png")
         calibration = self._sensors[name].calibration

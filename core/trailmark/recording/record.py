@@ -29,12 +29,15 @@ class Recording:
         Sensors that the written ``config.yaml`` plays again.
     n_dropped : int
         Frames of live sources that came faster than they could be written.
+    n_too_far : int
+        Depth values that pictures cannot hold, written as not measured.
     """
 
     status: str
     frames: MappingProxyType[str, int]
     playable: tuple[str, ...]
     n_dropped: int
+    n_too_far: int
 
 
 def record_sources(
@@ -79,4 +82,10 @@ def record_sources(
             with shielded(KEEP_S):
                 writer.close(pipeline.result.ground_truth)
     dropped = sum(n for name, n in pipeline.counters.items() if name.endswith(".dropped"))
-    return Recording(pipeline.result.status, MappingProxyType(dict(writer.counts)), writer.playable, dropped)
+    return Recording(
+        pipeline.result.status,
+        MappingProxyType(dict(writer.counts)),
+        writer.playable,
+        dropped,
+        sum(writer.n_too_far.values()),
+    )

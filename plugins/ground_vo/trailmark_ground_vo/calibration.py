@@ -30,6 +30,16 @@ _PIECE_RAD, _N_PIECES = math.radians(15.0), 8
 _SIGMA_PX = 0.05
 #: Two directions are independent when the matrix of their squares is at least this far from singular.
 _INDEPENDENT = 0.1
+#: Lengths that are given in another order than they were driven miss by more than this, and by so many sigmas.
+_WRONG_LENGTH, _WRONG_SIGMAS = 0.05, 5.0
+#: They change the shape of a pixel by more than this,
+_WRONG_SHAPE = 0.2
+#: and turn what is meant for forward by more than this [rad].
+_WRONG_WAY_RAD = math.radians(5.0)
+_IN_ORDER = (
+    "give --distance for each move along the robot, all forward or, with --backward, all backward, in the order of"
+    " driving, and --sideways for those that came after them"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +111,7 @@ def calibrate(steps: Steps, known: Known, assumed: Assumed) -> Calibrated:
     Raises
     ------
     DataError
-        If the drive does not suffice: it says what is missing.
+        If the drive does not suffice, or the lengths cannot be those of its moves: it says what is missing, or wrong.
     """
     pixel_m = assumed.metres_per_pixel[0]
     moves = moves_of(steps, pixel_m)
@@ -176,16 +186,45 @@ def _scales(
         H = A.T @ W @ A
         squares = np.linalg.solve(H, A.T @ W @ np.ones(len(A)))
         if np.any(squares <= 0.0):
-            raise DataError("the lengths of the straight moves contradict each other: were they given in order?")
+            raise DataError(f"the lengths of the straight moves contradict each other; {_IN_ORDER}")
         factors = np.sqrt(squares)
+        shape = float(factors[1] / factors[0])
+        if abs(math.log(shape)) > _WRONG_SHAPE:
+            raise DataError(
+                f"by these lengths a pixel is {shape:.2f} times as high as it was believed to be, beside its width;"
+                f" {_IN_ORDER}; if the picture is squeezed, say by how much with"
+                " calibration: {metres_per_pixel: [u, v]}"
+            )
+        _refuse_other_lengths(np.sqrt(A @ squares), lengths_m, weights)
         covariance = 4.0 * np.linalg.inv(H)  # relative lengths count twice in squares
         sigmas = np.sqrt(np.diag(covariance)) / (2.0 * factors)
         return (float(factors[0]), float(factors[1])), (float(sigmas[0]), float(sigmas[1])), True
     each = 1.0 / np.hypot(*relative.T)
     mean = float(np.average(each, weights=weights))
+    _refuse_other_lengths(mean / each, lengths_m, weights)
     scatter = float(np.average((each - mean) ** 2, weights=weights)) / max(1, len(each) - 1)
     sigma = mean * math.sqrt(max(1.0 / float(weights.sum()), scatter / mean**2))
     return (mean, mean), (sigma, sigma), False
+
+
+def _refuse_other_lengths(seen: Floats, lengths_m: Floats, weights: Floats) -> None:
+    """Raise where a move was not as long as it is said to be, by what all of them say of the scale.
+
+    Parameters
+    ----------
+    seen : (M,) float64
+        How long each move was, in units of the length that is given for it.
+    lengths_m, weights : (M,) float64
+        Those lengths [m], and the inverse variances of the relative lengths.
+    """
+    off = np.abs(seen - 1.0)
+    wrong = np.flatnonzero((off > _WRONG_LENGTH) & (off * np.sqrt(weights) > _WRONG_SIGMAS))
+    if len(wrong):
+        one = int(wrong[np.argmax(off[wrong])])
+        raise DataError(
+            f"the lengths of the straight moves contradict each other: by all of them, that of {lengths_m[one]:g} m was"
+            f" {seen[one] * lengths_m[one]:.3g} m long; {_IN_ORDER}"
+        )
 
 
 def _yaw(
@@ -196,6 +235,7 @@ def _yaw(
     Each step is taken in the axes of its own picture, so that a drift of heading does not enter.
     """
     way = np.hypot(steps.x, steps.y)
+    _refuse_other_ways(np.array([_base_way(steps, leg, factors, lever) for leg in legs]))
     pieces = [piece for leg in legs for piece in _pieces(steps, leg, way, _N_PIECES)]
     forward = np.array([_base_way(steps, piece, factors, lever) for piece in pieces])
     unit = np.exp(1j * np.arctan2(forward[:, 1], forward[:, 0]))
@@ -204,6 +244,18 @@ def _yaw(
     variance = float(np.sum(off**2)) / max(1, len(off) - 1) / len(off)
     yaw_rad = -float(np.angle(mean)) + (math.pi if is_backward else 0.0)
     return math.remainder(yaw_rad, 2.0 * math.pi), math.sqrt(variance)
+
+
+def _refuse_other_ways(forward: Floats) -> None:
+    """Raise where moves that were all announced as along the robot, (L, 2), have different directions in the camera."""
+    angles = np.arctan2(forward[:, 1], forward[:, 0])
+    off = np.array([abs(math.remainder(angle - angles[0], 2.0 * math.pi)) for angle in angles.tolist()])
+    one = int(np.argmax(off))
+    if off[one] > _WRONG_WAY_RAD:
+        raise DataError(
+            f"straight moves 1 and {one + 1} are {math.degrees(off[one]):.0f} deg apart as the camera sees them, and"
+            f" both were announced as along the robot; {_IN_ORDER}"
+        )
 
 
 def _base_way(steps: Steps, move: Move, factors: tuple[float, float], lever: Floats) -> Floats:

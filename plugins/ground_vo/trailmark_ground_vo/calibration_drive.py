@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -63,21 +64,40 @@ class ObservedDrive:
         Scales that the motions are in.
     steps : Steps
         The motions.
-    n_pictures, n_lost : int
-        Pictures, and those that fit to none.
+    n_pictures : int
+        Pictures.
+    lost : mapping of str to int
+        How many of them fitted to none, by the reason, the most frequent one first.
     """
 
     sensor: SensorInfo
     assumed: Assumed
     steps: Steps
     n_pictures: int
-    n_lost: int
+    lost: Mapping[str, int]
 
 
 def observe_drive(
-    config: RunConfig, camera: str | None, drive: Speeds | None, say: Callable[[str], None]
+    config: RunConfig,
+    camera: str | None,
+    drive: Speeds | None,
+    say: Callable[[str], None],
+    accept: Callable[[SensorInfo], None] = lambda _: None,
 ) -> ObservedDrive:
     """Play the source of a config, drive the robot if that is asked for, and return the motions of its camera.
+
+    Parameters
+    ----------
+    config : RunConfig
+        Its first source that has the camera is played.
+    camera : str or None
+        Name of the camera; None: the only one.
+    drive : Speeds or None
+        How to drive; None: somebody else does.
+    say : callable
+        Is told what the robot does.
+    accept : callable
+        Is told the camera before anything moves; what it raises ends the command.
 
     Raises
     ------
@@ -93,6 +113,7 @@ def observe_drive(
         raise ConfigError("the config has no source: a recording, a camera or a simulated world")
     source, sensor = _start_source(sources, config.sensors, camera)
     try:
+        accept(sensor)
         return _observe_drive(source, sensor, drive, say)
     finally:
         source.close()
@@ -126,7 +147,7 @@ def _observe_drive(
     localizer = GroundVO(GroundVOConfig.model_validate({"camera": sensor.name}))
     bare = replace(sensor, pose_base_sensor=Pose3(), calibration=plane)
     localizer.start(Session(name="calibrate", sensors={sensor.name: bare}))
-    rows, n_pictures, n_lost = [], 0, 0
+    rows, n_pictures, lost = [], 0, Counter[str]()
     with suppress(*([KeyboardInterrupt] if drive is None else [])):  # Ctrl-C ends a drive by hand
         for frame in _frames(source, sensor, drive, say):
             n_pictures += 1
@@ -135,10 +156,13 @@ def _observe_drive(
                     pose, covariance = estimate.pose_since_now, np.linalg.pinv(estimate.information)
                     variance = float(covariance[0, 0] + covariance[1, 1]) / 2.0
                     rows.append((estimate.since_s, frame.stamp_s, pose.x, pose.y, pose.theta, variance))
-                n_lost += isinstance(estimate, Lost)
+                if isinstance(estimate, Lost):
+                    lost[estimate.reason] += 1
+    reasons = dict(lost.most_common())
     if not rows:
-        raise DataError(f"{n_pictures} pictures of {sensor.name!r}, and no two of them fit together")
-    return ObservedDrive(sensor, Assumed(plane.metres_per_pixel), Steps(*np.array(rows).T), n_pictures, n_lost)
+        why = f": {next(iter(reasons))}" if reasons else ""
+        raise DataError(f"{n_pictures} pictures of {sensor.name!r}, and no two of them fit together{why}")
+    return ObservedDrive(sensor, Assumed(plane.metres_per_pixel), Steps(*np.array(rows).T), n_pictures, reasons)
 
 
 def _frames(

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from trailmark.frames import GroundPlane, SensorInfo
     from trailmark.geometry import Pose3
     from trailmark_ground_vo.calibration import Calibrated
@@ -28,6 +30,10 @@ One second of standing still is enough. More straight moves: give --distance for
 to the side, with --sideways, tell the scale across. Without 3 the place of the camera stays as it is."""
 
 
+#: A heading so far from the config's is more often a move in another direction than a camera that was turned.
+_DOUBTFUL_DEG = 30.0
+
+
 @click.command("ground")
 @click.argument("config", metavar="CONFIG|RECORDING|camera")
 @click.option(
@@ -37,9 +43,10 @@ to the side, with --sideways, tell the scale across. Without 3 the place of the 
 @click.option("--distance-sigma", default=0.001, show_default=True, help="How well a length is known [m].")
 @click.option("--backward", is_flag=True, help="The robot drove backwards.")
 @click.option("--drive", "is_driven", is_flag=True, help="Drive the robot, or the simulated one, by commands.")
-@click.option("--turn", "turn_deg", default=360.0, show_default=True, help="With --drive: turn in place [deg].")
+@click.option("--turn", "turn_deg", type=float, help="With --drive: turn in place [deg].  [default: 360]")
 @click.option("--camera", help="Which camera; default: the only one.")
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="File to write [NAME.calib.yaml].")
+@click.option("--overwrite", is_flag=True, help="Replace the file that is there.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key of the config.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @click.pass_context
@@ -53,24 +60,42 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
     _check(request)
     from trailmark.cli.errors import say
     from trailmark.cli.guess import read_target
+    from trailmark.cli.in_config import path_in_config
     from trailmark.cli.root import plugins_of
     from trailmark_ground_vo.calibration import Known, calibrate
     from trailmark_ground_vo.calibration_drive import Speeds, observe_drive
 
     run_config = read_target(config, plugins_of(context), request.overrides)
+
+    def refuse_what_is_there(camera: SensorInfo) -> None:
+        if not request.overwrite and _file_of(request, camera).exists():
+            raise ConfigError(f"{_file_of(request, camera)} is there already; choose another --out, or --overwrite")
+
     if not request.as_json:
         say(_GUIDE)
     sign = -1.0 if request.backward else 1.0
-    drive = Speeds(sign * request.distances[0], math.radians(request.turn_deg)) if request.is_driven else None
-    seen = observe_drive(run_config, request.camera, drive, say)
+    turn_deg = 360.0 if request.turn_deg is None else request.turn_deg
+    drive = Speeds(sign * request.distances[0], math.radians(turn_deg)) if request.is_driven else None
+    seen = observe_drive(run_config, request.camera, drive, say, refuse_what_is_there)
     known = Known(request.distances, request.sideways, request.distance_sigma, request.backward)
-    found = calibrate(seen.steps, known, seen.assumed)
-    file = request.out or Path(f"{seen.sensor.name}.calib.yaml")
-    _write(file, found, seen.sensor)
+    try:
+        found = calibrate(seen.steps, known, seen.assumed)
+    except DataError as error:
+        if not seen.lost:
+            raise
+        reason, count = next(iter(seen.lost.items()))
+        raise DataError(f"{error}; {count} of {seen.n_pictures} pictures were lost: {reason}") from error
+    file = _file_of(request, seen.sensor)
+    lines = _lines(found, seen.sensor, path_in_config(file, run_config.base_dir))
+    _write(file, found, seen.sensor, lines)
     if request.as_json:
-        click.echo(json.dumps(_document(found, seen.sensor.name, seen.n_pictures, seen.n_lost) | {"file": str(file)}))
+        click.echo(
+            json.dumps(
+                _document(found, seen.sensor.name, seen.n_pictures, sum(seen.lost.values())) | {"file": str(file)}
+            )
+        )
         return
-    for line in _lines(found, seen.sensor, file):
+    for line in lines:
         click.echo(line)
 
 
@@ -83,9 +108,10 @@ class _GroundRequest:
     distance_sigma: float
     backward: bool
     is_driven: bool
-    turn_deg: float
+    turn_deg: float | None
     camera: str | None
     out: Path | None
+    overwrite: bool
     overrides: tuple[str, ...]
     as_json: bool
 
@@ -96,11 +122,19 @@ def _check(request: _GroundRequest) -> None:
         raise ConfigError("--distance, --sideways and --distance-sigma are lengths in metres, greater than 0")
     if request.is_driven and len(request.distances) + len(request.sideways) > 1:
         raise ConfigError("--drive drives one straight move: give one --distance and no --sideways")
+    if request.turn_deg is not None and not request.is_driven:
+        raise ConfigError(
+            "--turn says how far --drive turns the robot; without --drive it turns as far as you drive it"
+        )
     if request.out is not None and not request.out.parent.is_dir():
         raise ConfigError(f"--out {request.out}: there is no folder {request.out.parent}; make it before the drive")
 
 
-def _write(file: Path, found: Calibrated, sensor: SensorInfo) -> None:
+def _file_of(request: _GroundRequest, camera: SensorInfo) -> Path:
+    return request.out or Path(f"{camera.name}.calib.yaml")
+
+
+def _write(file: Path, found: Calibrated, sensor: SensorInfo, lines: Sequence[str]) -> None:
     """Write the calibration; a flat field goes into a file of its own beside it."""
     import numpy as np
 
@@ -117,19 +151,21 @@ def _write(file: Path, found: Calibrated, sensor: SensorInfo) -> None:
             flat = file.with_suffix(".flat.npy")
             np.save(flat, plane.flat_field)
             document["flat_field"] = flat.name
-        comment = "\n".join(f"# {line}".rstrip() for line in _lines(found, sensor, file))
+        comment = "\n".join(f"# {line}".rstrip() for line in lines)
         file.write_text(f"{comment}\n{dump_yaml(document)}", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {file}: {error}") from error
 
 
-def _lines(found: Calibrated, sensor: SensorInfo, file: Path) -> list[str]:
+def _lines(found: Calibrated, sensor: SensorInfo, file: str) -> list[str]:
+    """Return what is told; `file` as the config names it."""
     (along_u, along_v), sigmas = found.metres_per_pixel, found.metres_per_pixel_sigma
     lines = [f"scale along u   {1e3 * along_u:.5f} +- {2e3 * sigmas[0]:.5f} mm/px (95 %)"]
     ratio = "" if found.has_both_scales else ": not measured, ratio to u as before (--sideways measures it)"
     lines.append(f"scale along v   {1e3 * along_v:.5f} +- {2e3 * sigmas[1]:.5f} mm/px{ratio}")
     lines.append(
         f"heading         {math.degrees(found.yaw_rad):.3f} +- {math.degrees(2 * found.yaw_sigma_rad):.3f} deg"
+        f"{_doubt(found.yaw_rad, sensor.pose_base_sensor)}"
     )
     if found.lever_m is None or found.lever_sigma_m is None:
         lines.append("place           not measured: no turn in place")
@@ -137,8 +173,16 @@ def _lines(found: Calibrated, sensor: SensorInfo, file: Path) -> list[str]:
         for axis, value, sigma in zip(("forward", "left"), found.lever_m, found.lever_sigma_m):
             lines.append(f"{axis:16}{1e3 * value:.2f} +- {2e3 * sigma:.2f} mm")
     mounting = _mounting_in_words(found, sensor.pose_base_sensor)
-    lines += ["for the config:", "sensors:", f"  {sensor.name}: {{mounting: {{{mounting}}}, calibration: {file.name}}}"]
+    lines += ["for the config:", "sensors:", f"  {sensor.name}: {{mounting: {{{mounting}}}, calibration: {file}}}"]
     return lines
+
+
+def _doubt(yaw_rad: float, believed: Pose3) -> str:
+    """Return what to think of a heading that is far from the one in the config, if the config has a mounting at all."""
+    off_deg = abs(math.degrees(math.remainder(yaw_rad - believed.yaw, 2.0 * math.pi)))
+    if believed == type(believed)() or off_deg <= _DOUBTFUL_DEG:
+        return ""
+    return f": {off_deg:.0f} deg from the config's; were the moves driven in the order that was given?"
 
 
 def _mounting_in_words(found: Calibrated, known: Pose3) -> str:

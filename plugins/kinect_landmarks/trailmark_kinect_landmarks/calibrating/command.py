@@ -11,7 +11,7 @@ import click
 from trailmark.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from trailmark.frames import DepthCamera, Pinhole
     from trailmark.plugins import Plugins
@@ -21,7 +21,10 @@ __all__ = ["rgbd"]
 
 Size = tuple[int, int]
 
+_USUAL_SIZE = "640x480"
 _KINECT_DEG = 57.0  # usual capture angle of the colour camera
+#: The axis of a lens is nearer to the middle than this share of the picture, unless that has another size.
+_OFF_CENTRE = 0.2
 _NUDGE = "move a bright flat rectangle before both cameras, near and far, to all sides, turned this way and that"
 
 
@@ -38,7 +41,7 @@ _NUDGE = "move a bright flat rectangle before both cameras, near and far, to all
 @click.option("--frames", "n_frames", default=300, show_default=True, type=click.IntRange(1), help="Pairs to look at.")
 @click.option("--every", default=1, show_default=True, type=click.IntRange(1), help="Look at every n-th pair.")
 @click.option("--edges", metavar="LEFT,RIGHT,TOP,BOTTOM", help="Instead of a recording: see above.")
-@click.option("--size", default="640x480", show_default=True, metavar="WxH", help="With --edges: colour picture [px].")
+@click.option("--size", metavar="WxH", help="With --edges: colour picture [px].  [default: 640x480]")
 @click.option("--depth-size", metavar="WxH", help="With --edges: depth picture [px]; default: as --size.")
 @click.option("--overwrite", is_flag=True, help="Replace the file that is there.")
 @click.pass_context
@@ -52,16 +55,20 @@ def rgbd(context: click.Context, /, recording: str | None, **options: Any) -> No
     By hand, as the paper does: move the rectangle until it touches the left border of the depth picture, note the
     column of that edge in the colour picture, do the same at the other three, and give --edges.
     """
+    from trailmark.cli.guess import is_config
     from trailmark.cli.root import plugins_of
 
-    request = _RgbdRequest(**options)
+    base_dir = Path(recording).parent if recording is not None and is_config(recording) else Path()
+    request = _RgbdRequest(**options, base_dir=base_dir)
     if request.out.exists() and not request.overwrite:
         raise ConfigError(f"{request.out} is there already; choose another --out, or --overwrite")
     if recording is not None and request.edges is None:
+        _refuse({"--size": request.size, "--depth-size": request.depth_size}, "a recording tells the sizes itself")
         sides = _sides(request.board) if request.board else None
         views, sizes = _views(recording, plugins_of(context), request)
         _from_views(views, sizes, sides, request)
     elif recording is None and request.edges is not None:
+        _refuse({"--board": request.board}, "--edges tell a crop alone; the lenses need a recording of the rectangle")
         _by_hand(request.edges, request)
     else:
         raise ConfigError(f"give a recording, or --edges, and not both; for a recording {_NUDGE}")
@@ -80,17 +87,25 @@ class _RgbdRequest:
     n_frames: int
     every: int
     edges: str | None
-    size: str
+    size: str | None
     depth_size: str | None
     overwrite: bool
+    base_dir: Path
+
+
+def _refuse(given: Mapping[str, str | None], reason: str) -> None:
+    for option, value in given.items():
+        if value is not None:
+            raise ConfigError(f"{option} has no effect here: {reason}")
 
 
 def _by_hand(edges: str, request: _RgbdRequest) -> None:
     from trailmark_kinect_landmarks.calibrating.crop_ratios import as_depth_camera
     from trailmark_kinect_landmarks.calibration import Crop
 
-    colour_size = _size(request.size, "--size")
-    depth_size = _size(request.depth_size or request.size, "--depth-size")
+    size = request.size or _USUAL_SIZE
+    colour_size = _size(size, "--size")
+    depth_size = _size(request.depth_size or size, "--depth-size")
     numbers = _numbers(edges, ",", 4, "--edges takes LEFT,RIGHT,TOP,BOTTOM in colour pixels, as 33,606,25,454")
     left, right, top, bottom = numbers
     if not (0 <= left < right < colour_size[0] and 0 <= top < bottom < colour_size[1]):
@@ -105,7 +120,7 @@ def _by_hand(edges: str, request: _RgbdRequest) -> None:
         )
     crop = Crop.from_rectangles((left, right, top, bottom), colour_size)
     _say_crop(crop, colour_size, depth_size)
-    _write(as_depth_camera(crop, _lens(request.colour, colour_size), colour_size, depth_size), request.out)
+    _write(as_depth_camera(crop, _lens(request.colour, colour_size), colour_size, depth_size), request)
 
 
 def _views(recording: str, plugins: Plugins, request: _RgbdRequest) -> tuple[list[BoardView], tuple[Size, Size]]:
@@ -147,7 +162,7 @@ def _from_views(
     if sides is None:
         _say_crop(fit.crop, colour_size, depth_size)
         click.echo(f"borders        +-{fit.sigma_px:.1f} px; corners of the rectangle miss by {fit.rms_px:.1f} px rms")
-        _write(as_depth_camera(fit.crop, _lens(request.colour, colour_size), colour_size, depth_size), request.out)
+        _write(as_depth_camera(fit.crop, _lens(request.colour, colour_size), colour_size, depth_size), request)
         return
     import math
 
@@ -168,7 +183,7 @@ def _from_views(
     click.echo(f"depth camera   {shift} mm (+-{1e3 * found.sigma_shift_m:.1f}), as seen from colour")
     click.echo(f"               {turn} deg (+-{math.degrees(found.sigma_turn_rad):.2f})")
     click.echo(f"corners        miss by {found.rms_px:.2f} px rms, by crop ratios {fit.rms_px:.2f} px")
-    _write(found.camera, request.out)
+    _write(found.camera, request)
 
 
 def _say_crop(crop: Any, colour_size: Size, depth_size: Size) -> None:
@@ -179,17 +194,19 @@ def _say_crop(crop: Any, colour_size: Size, depth_size: Size) -> None:
     click.echo(f"Eqs. (3), (4)  R_x {R_x:.4f}, R_y {R_y:.4f}")
 
 
-def _write(camera: DepthCamera, out: Path) -> None:
+def _write(camera: DepthCamera, request: _RgbdRequest) -> None:
     from trailmark.cli.errors import say
+    from trailmark.cli.in_config import path_in_config
     from trailmark.config.yaml_text import dump_yaml
     from trailmark.frames.documents import calibration_to_document
 
+    out = request.out
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(dump_yaml(calibration_to_document(camera)), encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {out}: {error.strerror}") from error
-    line = f"sensors: {{NAME: {{calibration: {out.name}}}}}"
+    line = f"sensors: {{NAME: {{calibration: {path_in_config(out, request.base_dir)}}}}}"
     say(f"wrote {out}; use it as  {line}, beside the sensor's `mounting` if it has one")
 
 
@@ -205,6 +222,11 @@ def _lens(path: Path | None, size: Size) -> Pinhole:
     lens = known.colour if isinstance(known, DepthCamera) else known
     if not isinstance(lens, Pinhole):
         raise ConfigError(f"{path} is no calibration of a colour camera: fx, fy, cx and cy are needed")
+    if max(abs(lens.cx / size[0] - 0.5), abs(lens.cy / size[1] - 0.5)) > _OFF_CENTRE:
+        raise ConfigError(
+            f"{path}: the axis of this lens, at {lens.cx:g}, {lens.cy:g} px, is far from the middle of the pictures of"
+            f" {size[0]} x {size[1]} px; calibrate it at their size"
+        )
     return lens
 
 

@@ -1,0 +1,21 @@
+"""How a config names a file that a command has written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+__all__ = ["path_in_config"]
+
+
+def path_in_config(file: Path, base_dir: Path) -> str:
+    """Return the path of a file as a config in `base_dir` names it: relative to it below it, and absolute elsewhere.
+
+    Parameters
+    ----------
+    file : Path
+        A relative one starts at the working folder.
+    base_dir : Path
+        The config's folder.
+    """
+    absolute, folder = file.resolve(), base_dir.resolve()
+    return str(absolute.relative_to(folder) if absolute.is_relative_to(folder) else absolute)
