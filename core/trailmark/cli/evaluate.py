@@ -9,16 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from trailmark.cli.trajectories import align_option, short_names
+from trailmark.cli.errors import say
+from trailmark.cli.trajectories import align_option, read_way, short_names
 from trailmark.errors import ConfigError, DataError
-from trailmark.evaluation import AlignKind, Protocol, evaluate
-from trailmark.geometry import Trajectory, read_tum
+from trailmark.evaluation import AlignKind, EstimateTable, Protocol, RunWarning, evaluate
+from trailmark.geometry import Trajectory
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import TaughtPlaces
 from trailmark.report.tables import Trajectories, trajectories_table
 
 __all__ = ["evaluate_command"]
+
+# Errors that are so much larger than what is stated of them, or smaller, are rather those of a wrong file.
+_MOST_SCALE = 10.0
 
 
 @click.command("evaluate")
@@ -42,7 +47,10 @@ __all__ = ["evaluate_command"]
     help="Instead of GT.tum: relations between poses (t1 t2 x y z roll pitch yaw).",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print all metrics as JSON.")
+@click.pass_context
 def evaluate_command(
+    context: click.Context,
+    /,
     files: tuple[Path, ...],
     align: AlignKind,
     max_difference_s: float | None,
@@ -56,23 +64,26 @@ def evaluate_command(
     With --noise the errors of what each localizer of a run said, as the lines that tell them to the estimator `kalman`.
     With --relations no truth is named and nothing is aligned: how far each trajectory contradicts the relations.
     """
+    is_aligned = context.get_parameter_source("align") is not ParameterSource.DEFAULT
     if relations is not None:
         if noise or store is not None:
             raise ConfigError("--relations goes with neither --noise nor --store")
+        if is_aligned:
+            raise ConfigError("--align does not go with --relations: nothing is aligned there; leave it out")
         _print_relations(relations, files, max_difference_s, as_json)
         return
     truth, *estimates = files
     if not estimates:
         raise click.UsageError("Missing argument 'EST.tum...'.")
     if noise:
-        _print_noise(truth, estimates, store, as_json)
+        if is_aligned:
+            raise ConfigError("--align does not go with --noise: estimates are judged where they stand; leave it out")
+        _print_noise(_read_truth(truth), estimates, store, max_difference_s, as_json)
         return
     if store is not None:
         raise ConfigError("--store belongs to --noise")
     protocol = Protocol(align=align, max_difference_s=max_difference_s)
-    true_way = read_tum(truth)
-    if len(true_way) < 2:
-        raise DataError(f"{truth}: the ground truth has fewer than two poses, so nothing can be compared with it")
+    true_way = _read_truth(truth)
     documents = [_document(path, true_way, protocol) for path in estimates]
     problems = [item["problem"] for item in documents if "problem" in item]
     if len(problems) == len(documents):
@@ -85,29 +96,62 @@ def evaluate_command(
         raise click.exceptions.Exit(1)
 
 
-def _print_noise(truth: Path, estimates: Sequence[Path], store: Path | None, as_json: bool) -> None:
+def _read_truth(file: Path) -> Trajectory:
+    truth = read_way(file)
+    if len(truth) < 2:
+        raise DataError(f"{file}: the ground truth has fewer than two poses, so nothing can be compared with it")
+    return truth
+
+
+def _print_noise(
+    truth: Trajectory, tables: Sequence[Path], store: Path | None, max_difference_s: float | None, as_json: bool
+) -> None:
     from trailmark.evaluation.estimates_table import read_estimates
+    from trailmark.evaluation.known_truth import where_truth_is_known
     from trailmark.evaluation.map_frame import ONE_FRAME
     from trailmark.evaluation.measured_noise import config_lines, measured_noise
     from trailmark.evaluation.taught_places import bent_map_frame, said_places
 
     path, places = (None, None) if store is None else _taught_of(store)
-    for table in estimates:
-        estimates_of_run, true_way = read_estimates(table), read_tum(truth)
+    for table in tables:
+        everything = read_estimates(table)
+        estimates = where_truth_is_known(everything, truth, max_difference_s)
+        n_told, n_judged = (_n_told(rows) for rows in (everything, estimates))
         frame = ONE_FRAME
         if places is not None:
-            frame = bent_map_frame(places, ONE_FRAME, *said_places(estimates_of_run, true_way, path))
-        found = measured_noise(estimates_of_run, true_way, path, frame)
+            frame = bent_map_frame(places, ONE_FRAME, *said_places(estimates, truth, path))
+        found = measured_noise(estimates, truth, path, frame)
         if not found:
             raise DataError(
-                f"{table}: no localizer said enough while the truth is known:"
+                f"{table}: no localizer said enough while the truth is known, {n_judged} of {n_told} estimates:"
                 " ten fixes or ten seconds of motion are the least"
             )
+        if n_judged < n_told:
+            say(f"{table}: {n_told - n_judged} of {n_told} estimates are left out: no true pose is near them")
+        for source, one in found.items():
+            _warn_of_scale(table, source, one.sigma_scale)
         if as_json:
             documents = {source: asdict(one) for source, one in found.items()}
             click.echo(json.dumps({"file": str(table), "noise": documents}, indent=1))
         else:
             click.echo(config_lines(found))
+
+
+def _n_told(estimates: EstimateTable) -> int:
+    return int(((estimates.kind != "lost") & (estimates.outcome != "refused")).sum())
+
+
+def _warn_of_scale(table: Path, source: str, scale: float) -> None:
+    """Print a warning where errors have nothing to do with what is stated of them."""
+    if scale > _MOST_SCALE:
+        fact = f"its errors are {scale:.3g} times as large as it states"
+        remedy = "is the truth of the same run, by the same clock and of base? are its numbers in metres and radians?"
+    elif scale < 1.0 / _MOST_SCALE:
+        fact = f"its errors are only {scale:.3g} of what it states"
+        remedy = "is the truth made of this localizer? are its standard deviations in metres and radians?"
+    else:
+        return
+    say(f"WARNING: {table}: {RunWarning(source, fact, remedy)}")
 
 
 def _print_relations(path: Path, estimates: Sequence[Path], max_difference_s: float | None, as_json: bool) -> None:
@@ -116,7 +160,7 @@ def _print_relations(path: Path, estimates: Sequence[Path], max_difference_s: fl
 
     relations = read_relations(path)
     documents = [
-        {"file": str(file), **relation_errors(read_tum(file), relations, max_difference_s).document()}
+        {"file": str(file), **relation_errors(read_way(file), relations, max_difference_s).document()}
         for file in estimates
     ]
     if as_json:
@@ -159,7 +203,7 @@ def _taught_of(store: Path) -> tuple[TaughtPath, TaughtPlaces | None]:
 
 
 def _document(path: Path, truth: Trajectory, protocol: Protocol) -> dict[str, Any]:
-    estimate = read_tum(path)
+    estimate = read_way(path)
     try:
         return {"file": str(path), **evaluate(estimate, truth, protocol).document()}
     except DataError as error:

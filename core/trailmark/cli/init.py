@@ -24,6 +24,9 @@ def init_command(context: click.Context, name: str | None, out: Path | None, for
     """Write a commented starter config; without NAME, list them."""
     texts = starters(plugins_of(context))
     if name is None:
+        if out is not None or force:
+            option = "--force" if out is None else f"--out {out}"
+            raise ConfigError(f"{option} needs the NAME of a starter config: {', '.join(texts) or 'none is installed'}")
         for key, text in texts.items():
             click.echo(f"{key:<12}{_first_comment(text)}")
         return

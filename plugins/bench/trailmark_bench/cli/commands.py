@@ -11,7 +11,7 @@ import click
 
 from trailmark.cli.root import ChosenPlugins, plugins_of
 from trailmark.cli.watch import watch, watch_options
-from trailmark.errors import ConfigError
+from trailmark.errors import ConfigError, DataError
 
 __all__ = ["RunOptions", "bench_group"]
 
@@ -122,14 +122,18 @@ def show_command(
     as_json: bool,
 ) -> None:
     """Show the tables of a bench, or one CELL of it: by the first digits of its id, or by words of its name."""
+    from trailmark_bench.cli.opening import open_filled
     from trailmark_bench.cli.showing import show_cell, show_states, show_tables
-    from trailmark_bench.index import Index
 
-    with Index(folder) as index:
+    if cell is not None and (states or metrics):
+        raise ConfigError(f"{cell!r} is one cell, shown with all its figures: --state and --metric are for several")
+    if baseline is not None and (cell is not None or states) and not is_html:
+        raise ConfigError("--baseline is for the tables, and cells are compared with nothing; leave it out")
+    with open_filled(folder) as index:
         if cell is not None:
             show_cell(index, cell, as_json)
         elif states:
-            show_states(index, states, as_json)
+            show_states(index, states, as_json, metrics)
         else:
             show_tables(index, metrics, baseline, as_json)
         if is_html:
@@ -143,12 +147,18 @@ def show_command(
 @click.option("--to", required=True, type=_FOLDER, help="Folder of the site; index.html is written into it.")
 @click.option("--baseline", metavar="NAME", help="Compare with this one.")
 @click.option("--most-mb", type=click.FloatRange(0.1), default=5.0, show_default=True, help="Size of the page.")
-def site_command(folder: Path, to: Path, baseline: str | None, most_mb: float) -> None:
-    """Write a bench as a page for the web: who wins where, rankings with intervals, faults, trajectories, cells."""
-    from trailmark_bench.index import Index
+@click.option("--overwrite", is_flag=True, help="Write into a folder that is not empty.")
+def site_command(folder: Path, to: Path, baseline: str | None, most_mb: float, overwrite: bool) -> None:
+    """Write a bench as a page for the web: who wins where, rankings with intervals, faults, trajectories, cells.
+
+    An earlier site of a bench is renewed; another folder that is not empty needs --overwrite.
+    """
+    from trailmark_bench.cli.opening import open_filled
+    from trailmark_bench.cli.targets import refuse_strange_folder
     from trailmark_bench.page import write_site
 
-    with Index(folder) as index:
+    refuse_strange_folder(to, overwrite)
+    with open_filled(folder) as index:
         click.echo(click.format_filename(write_site(index, to, baseline=baseline, most_mb=most_mb)))
 
 
@@ -179,10 +189,17 @@ def merge_command(folders: tuple[Path, ...], out: Path) -> None:
 
     A FILE is one of `trailmark bench export json`, from whoever sent it.
     """
+    from trailmark_bench.cli.opening import open_filled
     from trailmark_bench.merge import merge_benches
 
+    for folder in folders:
+        if folder.is_dir():  # a file is checked as it is read
+            with open_filled(folder):
+                pass
     for line in merge_benches(folders, out):
         click.echo(line)
+    with open_filled(out):  # a file of results may hold no cell either
+        pass
 
 
 @bench_group.command("export")
@@ -192,20 +209,37 @@ def merge_command(folders: tuple[Path, ...], out: Path) -> None:
 @click.option("--baseline", metavar="NAME", help="Compare with this one.")
 @click.option("--cells", "is_cells", is_flag=True, help="A row for each cell instead of the statistics (csv).")
 @click.option("--to", type=_FILE, help="A file; default: standard output.")
+@click.option("--overwrite", is_flag=True, help="Replace the file that is there.")
 def export_command(
-    form: str, folder: Path, metrics: tuple[str, ...], baseline: str | None, is_cells: bool, to: Path | None
+    form: str,
+    folder: Path,
+    metrics: tuple[str, ...],
+    baseline: str | None,
+    is_cells: bool,
+    to: Path | None,
+    overwrite: bool,
 ) -> None:
     """Write the tables of a bench for a paper, a page or another program; as json, all cells, for `merge` elsewhere."""
+    from trailmark_bench.cell import FINISHED
+    from trailmark_bench.cli.opening import open_filled
+    from trailmark_bench.cli.targets import is_stream, refuse_standing_file
     from trailmark_bench.export import export_text
-    from trailmark_bench.index import Index
     from trailmark_bench.shared import shared_results, write_results
 
     if is_cells and form != "csv":
         raise ConfigError(f"--cells is for csv: {form} has tables of statistics")
+    if is_cells and (metrics or baseline):
+        raise ConfigError("--cells gives every figure of every cell: --metric and --baseline are for statistics")
     if form == "json" and (metrics or baseline):
         raise ConfigError("json holds every cell with all its figures: --metric and --baseline are for tables")
-    with Index(folder) as index:
-        if form == "json" and to is not None:
+    if overwrite and to is None:
+        raise ConfigError("--overwrite belongs to --to: nothing is replaced on standard output")
+    if to is not None:
+        refuse_standing_file(to, overwrite)
+    with open_filled(folder) as index:
+        if form == "json" and not any(record.state in FINISHED for record in index.records()):
+            raise DataError(f"{folder}: no cell has ended, so there is nothing to send; the bench can go on")
+        if form == "json" and to is not None and not is_stream(to):
             write_results(index, to)
             return
         text = shared_results(index) if form == "json" else export_text(index, form, metrics, baseline, is_cells)

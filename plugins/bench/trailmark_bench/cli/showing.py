@@ -10,8 +10,10 @@ import click
 
 from trailmark.errors import ConfigError
 from trailmark.report.console import print_table
+from trailmark.report.numbers import MISSING
 from trailmark_bench.cell import STATES
 from trailmark_bench.index import CellRecord, Index
+from trailmark_bench.quantities import metrics_of, refuse_unknown
 from trailmark_bench.summary import summarize_bench
 from trailmark_bench.tables import bench_tables
 
@@ -30,25 +32,32 @@ def show_tables(index: Index, metrics: Sequence[str], baseline: str | None, as_j
         click.echo(line)
 
 
-def show_states(index: Index, states: Sequence[str], as_json: bool) -> None:
-    """Print a line for each cell in some states, or in any.
+def show_states(index: Index, states: Sequence[str], as_json: bool, metrics: Sequence[str] = ()) -> None:
+    """Print a line for each cell in some states, or in any, with some of its figures; as JSON with all of them.
 
     Raises
     ------
     ConfigError
-        If there is no such state.
+        If there is no such state, or no cell has such a quantity.
     """
     for state in states:
         if state not in STATES:
             raise ConfigError(f"--state {state}: states are {', '.join(STATES)}")
-    records = [record for record in index.records() if not states or record.state in states]
+    everything = index.records()
+    chosen = metrics_of(metrics, everything)
+    refuse_unknown(metrics, chosen, everything)
+    for metric in chosen:
+        if all(metric.value_of(record) is None for record in everything):
+            raise ConfigError(f"no cell has a metric {metric.name!r}: none has given a result")
+    records = [record for record in everything if not states or record.state in states]
     if as_json:
         click.echo(json.dumps([_document(record) for record in records], indent=1))
         return
     for record in records:
-        click.echo(
-            f"{record.id[:8]}  {record.state:<8} {record.label}" + (f": {record.reason}" if record.reason else "")
-        )
+        values = ((metric.name, metric.value_of(record)) for metric in chosen)
+        figures = "".join(f"  {name} {MISSING if value is None else f'{value:.6g}'}" for name, value in values)
+        why = f": {record.reason}" if record.reason else ""
+        click.echo(f"{record.id[:8]}  {record.state:<8} {record.label}{why}{figures}")
 
 
 def show_cell(index: Index, words: str, as_json: bool) -> None:
