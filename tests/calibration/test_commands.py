@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,10 @@ from tests.calibration.conftest import BELIEVED, RIGHT, numbers
 from trailmark.cli import main
 from trailmark.config.yaml_text import dump_yaml, read_yaml
 from trailmark.geometry import Pose2
+from trailmark.pipeline.sources.stream import SourceStream
+from trailmark.plugins import load_plugins
 from trailmark_calibration.config_lines import in_flow_style
+from trailmark_calibration.drive import TwoLocalizers, observe_drive, read_localizers
 from trailmark_calibration.simulating import SimulatedDrive, simulate
 
 PLUGIN = Path(__file__).with_name("strange_plugin.py")
@@ -144,6 +149,56 @@ def test_the_folder_of_a_run_will_do(folder, capsys):
     assert agrees(found["turn"], 0.94)
 
 
+def test_a_run_whose_recording_was_moved_says_what_is_missing(tmp_path, capsys, caplog):
+    record(simulate(np.random.default_rng(7), RIGHT, BELIEVED, duration_s=70.0), tmp_path)
+    (tmp_path / "robot.yaml").write_text(CONFIG)
+    alone = "estimator={plugin: dead_reckoning, use: [eye]}"
+    run = ("run", tmp_path / "robot.yaml", "--set", alone, "--out", tmp_path / "run", "--no-report")
+    assert trailmark(capsys, *run)[0] == 0
+    (tmp_path / "wheels.csv").write_text("something else by now\n")
+    caplog.clear()
+
+    code, _, error = trailmark(capsys, "calibrate", "odometry", tmp_path / "run")
+
+    assert code == 0, error
+    (warning,) = [entry for entry in caplog.records if entry.name.startswith("trailmark_calibration")]
+    assert warning.levelname == "WARNING"
+    assert "source 'base' cannot be opened any more" in warning.getMessage()
+    assert "mountings that its recording knows are missing" in warning.getMessage()
+    assert len(warning.getMessage().splitlines()) == 1
+
+
+def test_an_interrupted_drive_is_none(folder, monkeypatch):
+    frames = SourceStream.frames
+
+    def interrupted(stream):
+        for n, frame in enumerate(frames(stream)):
+            if n == 600:  # of 700 steps of the sensor: it would be enough
+                os.kill(os.getpid(), signal.SIGINT)
+            yield frame
+
+    monkeypatch.setattr(SourceStream, "frames", interrupted)
+    plugins = load_plugins(files=[PLUGIN])
+
+    with pytest.raises(KeyboardInterrupt):
+        observe_drive(read_localizers(folder / "robot.yaml", plugins, []), TwoLocalizers("wheels", "eye"))
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)])
+def test_an_interrupted_drive_calibrates_nothing_and_says_so(folder, capsys, monkeypatch, as_json):
+    def interrupted(config, two):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("trailmark_calibration.drive.observe_drive", interrupted)
+
+    code, out, error = trailmark(capsys, "calibrate", "odometry", folder / "robot.yaml", *as_json)
+
+    assert code == 130
+    assert out == ""
+    assert "the drive was cut short, so nothing is calibrated" in error
+    assert "trailmark: interrupted" in error
+
+
 @pytest.fixture(scope="module")
 def straight_folder(tmp_path_factory) -> Path:
     """A drive that never turns."""
@@ -203,6 +258,8 @@ def replace_numbers(**named: float) -> np.ndarray:
         (("odometry", "robot.yaml", "--track", "-1"), "--track must be between"),
         (("delay", "robot.yaml", "--interval", "0"), "--interval must be between"),
         (("mounting", "robot.yaml", "--sensor", "base"), "looks at no sensor 'base', but at eye"),
+        (("odometry", "robot.yaml", "--sensor", "eye"), "--sensor says whose mounting is asked for"),
+        (("delay", "robot.yaml", "--sensor", "nonsense"), "'calibrate delay' takes none"),
         (("mounting", "robot.yaml", "--of", "wheels", "--against", "eye"), "odometry is of base"),
         (("odometry", "nowhere.yaml"), "nowhere.yaml"),
         (("odometry", "."), "is no folder of a run"),

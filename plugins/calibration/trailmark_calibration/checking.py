@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +10,13 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark_calibration.clocks import ClockDrift, find_drift
+from trailmark_calibration.contradicting import (
+    HALVES,
+    Contradiction,
+    contradictions_of_rates,
+    find_contradictions,
+    worse_of,
+)
 from trailmark_calibration.fitting import PRIOR, Fit, KnownPlacement, fit, values_of_all
 from trailmark_calibration.model import DELAY, NAMES, NEUTRAL, YAW, MotionPairs, X, Y
 from trailmark_calibration.rivals import Rival, find_rival, widened_by
@@ -19,8 +25,6 @@ __all__ = ["STRETCH_S", "Calibration", "HalvesCheck", "calibrate", "neutral_valu
 
 #: Errors are of stretches of this length [s].
 STRETCH_S = 5.0
-#: So many sigmas apart, the halves contradict each other.
-_APART = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +52,11 @@ class Calibration:
     Attributes
     ----------
     fit : Fit
-        Of the whole drive; wider where the halves contradict each other.
+        Of the whole drive; wider where parts of it contradict each other.
     check : HalvesCheck or None
         None where a half of the drive does not tell by itself what the whole drive does.
-    contradictions : mapping of int to float
-        Numbers on which the halves disagree, by index: by how many sigmas.
+    contradictions : mapping of int to Contradiction
+        Numbers on which parts of the drive disagree, by index: those parts that do so most surely.
     rival : Rival or None
         What else explains the drive.
     drift : ClockDrift or None
@@ -61,13 +65,13 @@ class Calibration:
 
     fit: Fit
     check: HalvesCheck | None
-    contradictions: dict[int, float]
+    contradictions: dict[int, Contradiction]
     rival: Rival | None = None
     drift: ClockDrift | None = None
 
 
 def calibrate(pairs: MotionPairs, known: KnownPlacement, asked: Sequence[int]) -> Calibration:
-    """Fit the numbers to the whole drive and to each of its halves.
+    """Fit the numbers to the whole drive and to parts of it: its halves, slow intervals and fast ones.
 
     Parameters
     ----------
@@ -92,36 +96,35 @@ def calibrate(pairs: MotionPairs, known: KnownPlacement, asked: Sequence[int]) -
         unknown = np.zeros(len(NAMES))
         unknown[DELAY] = max(PRIOR[DELAY], drift.least_s)  # a delay that moves, nobody knows how far
         whole = widened_by(whole, unknown)
-    whole, check, contradictions = _tried_on_halves(pairs, known, whole, asked)
+    check, contradictions = _try_on_halves(pairs, known, whole, asked)
+    for index, one in contradictions_of_rates(pairs, known, whole).items():
+        contradictions[index] = worse_of(one, contradictions.get(index, one))
+    apart = np.zeros(len(NAMES))
+    for index, one in contradictions.items():
+        apart[index] = one.apart
+    whole = widened_by(whole, apart)
     if check is None:  # only what is left out may have made them agree
         off = np.abs(values_of_all(pairs, whole) - whole.values)
         whole = widened_by(whole, np.where(whole.is_told, np.hypot(off, whole.sigmas), 0.0))
     return Calibration(whole, check, contradictions, rival, drift)
 
 
-def _tried_on_halves(
+def _try_on_halves(
     pairs: MotionPairs, known: KnownPlacement, whole: Fit, asked: Sequence[int]
-) -> tuple[Fit, HalvesCheck | None, dict[int, float]]:
-    """Return the fit, wider where the halves contradict each other, how far it holds, and the contradictions."""
+) -> tuple[HalvesCheck | None, dict[int, Contradiction]]:
+    """Return how far the numbers of one half of the drive hold on the other, and what the halves contradict on."""
     middle_s = float(np.median(pairs.from_s))
     halves = [pairs.where(pairs.from_s < middle_s), pairs.where(pairs.from_s >= middle_s)]
     try:
         fits = [fit(half, known) for half in halves]
     except DataError:
-        return whole, None, {}
-    apart, contradictions = np.zeros(len(NAMES)), {}
-    for index in np.flatnonzero(fits[0].is_told & fits[1].is_told & whole.is_told).tolist():
-        off = _apart(fits[0].values[index], fits[1].values[index], index)
-        sigmas = off / math.hypot(fits[0].sigmas[index], fits[1].sigmas[index])
-        if sigmas > _APART:
-            contradictions[index] = sigmas
-            apart[index] = off / 2.0
+        return None, {}
+    contradictions = find_contradictions(HALVES, fits, whole)
     is_asked = np.isin(np.arange(len(NAMES)), asked) & whole.is_told
     is_checked = all(bool(one.is_told[is_asked].all()) for one in fits)
     # What the whole drive does not tell, its halves do not either: they may have found one answer of several.
     fits = [widened_by(one, np.where(whole.is_told, 0.0, whole.sigmas)) for one in fits]
-    whole = widened_by(whole, apart)
-    return whole, _check_halves(halves, fits, known, asked) if is_checked else None, contradictions
+    return _check_halves(halves, fits, known, asked) if is_checked else None, contradictions
 
 
 def told_values(found: Fit, known: KnownPlacement) -> Floats:
@@ -163,7 +166,3 @@ def _stretches(pairs: MotionPairs) -> MotionPairs:
 
 def _median(errors: Floats) -> tuple[float, float]:
     return float(np.median(np.hypot(errors[:, 0], errors[:, 1]))), float(np.median(np.abs(errors[:, 2])))
-
-
-def _apart(a: float, b: float, index: int) -> float:
-    return abs(math.remainder(a - b, 2.0 * math.pi)) if index == YAW else abs(a - b)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -57,7 +59,7 @@ def _command(what: What) -> click.Command:
 
 
 def _run(what: What, path: Path, plugins: Plugins, options: dict[str, Any]) -> None:
-    _check(options)
+    _check(what, options)
     from trailmark.config.document import read_document
     from trailmark_calibration.drive import choose_two, observe_drive, read_localizers, read_run, restricted_to
     from trailmark_calibration.telling import Question, answer
@@ -71,11 +73,27 @@ def _run(what: What, path: Path, plugins: Plugins, options: dict[str, Any]) -> N
     if is_run:
         drive = read_run(path, config, two)
     else:
-        drive = observe_drive(restricted_to(config, two, read_document(file).data.get("estimator")), two)
+        alone = restricted_to(config, two, read_document(file).data.get("estimator"))
+        with _said_if_cut_short():
+            drive = observe_drive(alone, two)
     question = Question(
         what, two, options["sensor"], options["track_m"], options["interval_s"], options["longest_delay_s"]
     )
     _print(answer(question, drive), question, options["as_json"])
+
+
+@contextmanager
+def _said_if_cut_short() -> Iterator[None]:
+    """Say of a drive that is interrupted that nothing comes of it."""
+    from trailmark.cli.errors import say
+    from trailmark.interruption import TELL_S, shielded
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        with shielded(TELL_S):
+            say("the drive was cut short, so nothing is calibrated: let it come to its end")
+        raise
 
 
 def _print(found: Any, question: Question, as_json: bool) -> None:
@@ -89,7 +107,9 @@ def _print(found: Any, question: Question, as_json: bool) -> None:
             click.echo(line)
 
 
-def _check(options: dict[str, Any]) -> None:
+def _check(what: What, options: dict[str, Any]) -> None:
+    if what != "mounting" and options["sensor"] is not None:
+        raise ConfigError(f"--sensor says whose mounting is asked for; 'calibrate {what}' takes none")
     for name, low, high in (("interval_s", 0.05, 60.0), ("longest_delay_s", 0.05, 30.0), ("track_m", 0.01, 100.0)):
         value = options[name]
         if value is not None and not low <= value <= high:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from trailmark.evaluation.estimates_table import EstimateTable, read_estimates
 from trailmark.frames import SensorInfo
 from trailmark.geometry import Pose2
 from trailmark.interfaces import Session
+from trailmark.interruption import ending_signal
 from trailmark.pipeline import Pipeline, build_parts, build_sources
 from trailmark.plugins import Plugins
 
@@ -32,6 +34,8 @@ __all__ = [
     "reads_wheels_alone",
     "restricted_to",
 ]
+
+logger = logging.getLogger(__name__)
 
 _TAKES_NOTHING = {"plugin": "dead_reckoning", "use": []}
 
@@ -133,6 +137,8 @@ def observe_drive(config: RunConfig, two: TwoLocalizers) -> Drive:
         If the config has no source, or its parts do not fit together.
     RunError, DataError
         If the run fails.
+    KeyboardInterrupt
+        If the run is interrupted: a part of a drive would be taken for all of it.
     """
     if not config.sources:
         raise ConfigError("the config has no source: a recording, a robot or a simulated world")
@@ -144,6 +150,8 @@ def observe_drive(config: RunConfig, two: TwoLocalizers) -> Drive:
                 if record.source in said:
                     said[record.source].append(record.estimate)
         sensors = pipeline.sensors
+        if pipeline.result.status == "interrupted":
+            raise ending_signal() or KeyboardInterrupt
     source_of = {sensor: source.name for source in parts.sources for sensor in source.sensors}
     return Drive(said, resolve_all_roles(config, sensors), sensors, source_of)
 
@@ -203,8 +211,15 @@ def read_run(folder: Path, config: RunConfig, two: TwoLocalizers) -> Drive:
         try:
             source.start(Session(name=source.name))
             known = source.known_sensors(config.sensors)
-        except TrailmarkError:
-            continue  # the recording is elsewhere by now: mountings are those of the config
+        except TrailmarkError as error:
+            logger.warning(
+                "%s: source %r cannot be opened any more (%s): mountings that its recording knows are missing here,"
+                " those of the config are taken",
+                folder,
+                source.name,
+                " ".join(str(error).split()),
+            )
+            continue
         finally:
             source.close()
         sensors |= known

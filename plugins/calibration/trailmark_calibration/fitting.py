@@ -23,6 +23,8 @@ LIMITS = np.array([0.02, 0.02, math.radians(1.0), 0.03, 0.03, math.radians(2.0),
 _MOST_OUTLIERS = 0.3
 #: Nor if so much of the motion is left over that one of them does not explain.
 _MOST_LEFT = 0.3
+#: Chi squares of three numbers beyond this are left out at first (one in 5,000).
+_DOUBTFUL = 20.0
 #: So many peaks of the correlation are tried where none stands out.
 _N_STARTS = 6
 
@@ -111,7 +113,7 @@ def fit_from(pairs: MotionPairs, known: KnownPlacement, delay_s: float | None) -
     start = starting_point(pairs, known.mounting, delay_s or 0.0)
     solver = GaussNewton(pairs, start, _prior(pairs, delay_s is not None))
     p = solver.solve(start, None)
-    rows = solver.inliers(p)
+    rows = solver.inliers(p, _DOUBTFUL)  # those that agree come back: no line decides by a hair
     for _ in range(4):
         p = solver.solve(p, rows)
         again = solver.inliers(p)
@@ -153,8 +155,9 @@ def _refuse_two_bodies(pairs: MotionPairs, p: Floats, n_outliers: int) -> None:
     columns = [0, 1] if pairs.a.measures_way and pairs.b.measures_way else [2]
     left, whole = (np.nanquantile(np.linalg.norm(one[:, columns], axis=1), 0.75) for one in (off, moved))
     if left > _MOST_LEFT * whole:
+        share = min(left / max(whole, 1e-9), 1.0)
         raise DataError(
-            f"the two do not move as one body: whatever the calibration, {100.0 * left / max(whole, 1e-9):.0f} % of the"
+            f"the two do not move as one body: whatever the calibration, {100.0 * share:.0f} % of the"
             f" motion contradict each other, and {n_outliers} of {len(pairs)} intervals stand out; is one of them lost,"
             " or slipping?"
         )

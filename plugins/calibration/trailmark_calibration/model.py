@@ -17,7 +17,21 @@ from trailmark.errors import DataError
 from trailmark_calibration.rigid import adjoint_of, compose, exp_of, invert, log_of
 from trailmark_calibration.tracks import ComparedTrack
 
-__all__ = ["BIAS", "DELAY", "NAMES", "NEUTRAL", "TURN", "TURN_PER_M", "WAY", "YAW", "MotionPairs", "X", "Y", "pairs_of"]
+__all__ = [
+    "BIAS",
+    "DELAY",
+    "LEAST_SCALE",
+    "NAMES",
+    "NEUTRAL",
+    "TURN",
+    "TURN_PER_M",
+    "WAY",
+    "YAW",
+    "MotionPairs",
+    "X",
+    "Y",
+    "pairs_of",
+]
 
 #: The numbers, in the order of every vector of them.
 NAMES = ("way", "turn", "turn_per_m", "x", "y", "yaw", "delay", "bias")
@@ -26,6 +40,8 @@ WAY, TURN, TURN_PER_M, X, Y, YAW, DELAY, BIAS = range(len(NAMES))
 #: rate that b shows at rest [rad/s].
 NEUTRAL = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
+#: A scale nearer to nothing is no wheel: with none at all, what a should have said cannot be told from b.
+LEAST_SCALE = 0.01
 #: Less motion than this in an interval is standing still [m, rad].
 _REST_M, _REST_RAD = 0.005, math.radians(0.3)
 #: Fewer intervals tell nothing.
@@ -92,6 +108,23 @@ class MotionPairs:
         off = log_of(compose(invert(predicted), sensor))
         off[:, 2] -= p[BIAS] * (self.to_s - self.from_s)
         return off
+
+    def reading_covariances(self, p: Floats) -> Floats:
+        """Return the covariance of what is left that comes of reading one track between its stamps, (M, 3, 3).
+
+        It is of the motion of the sensor at the end of each interval, and no factor of the stated noise.
+        """
+        base, sensor = self.motions(p)
+        if self.a_is_slower:
+            read, shift_s, moved, gain = self.b, -p[DELAY], sensor, np.eye(3)
+        else:
+            read, shift_s, moved, gain = self.a, p[DELAY], base, self.gain(p)
+        total = np.zeros((len(self), 3, 3))
+        carried = gain @ adjoint_of(invert(moved))  # what is off at the beginning, seen from the end
+        for at_s, carry in ((self.from_s, np.nan_to_num(carried)), (self.to_s, gain)):
+            off = carry * read.reading_errors(at_s + shift_s)[:, None, :]
+            total += off @ off.transpose(0, 2, 1)
+        return total
 
     def gain(self, p: Floats) -> Floats:
         """Return (3, 3): how a small motion of base by a moves what is predicted for the sensor."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from trailmark.arrays import Bools, Floats
-from trailmark_calibration.model import NAMES, MotionPairs
+from trailmark_calibration.model import LEAST_SCALE, NAMES, TURN, WAY, MotionPairs
 from trailmark_calibration.rigid import compose, exp_of
 
 __all__ = ["OUTLIER", "GaussNewton", "scale_covariances"]
@@ -75,15 +75,16 @@ class GaussNewton:
             spread = np.linalg.inv(np.einsum("nki,nij->kj", JW, J) + np.eye(told.shape[1]))
             pull = told.T @ ((p - self._centre) / self._scale)
             step = spread @ (np.einsum("nki,ni->k", JW, off) - pull)
-            p = p + self._scale * np.clip(told @ step, -0.5, 0.5)
+            change = self._scale * np.clip(told @ step, -0.5, 0.5)
+            p = p + _share_of(p, change) * change
             if np.all(np.abs(step) < 0.02 * np.sqrt(np.diag(spread))):
                 break
         return p
 
-    def inliers(self, p: Floats) -> Bools:
-        """Return which pairs agree with the numbers, (M,)."""
+    def inliers(self, p: Floats, limit: float = OUTLIER) -> Bools:
+        """Return which pairs agree with the numbers, up to a chi square, (M,)."""
         off, weights, _ = self.linearize(p)
-        return np.asarray(np.nan_to_num(np.einsum("ni,nij,nj->n", off, weights, off), nan=np.inf) < OUTLIER)
+        return np.asarray(np.nan_to_num(np.einsum("ni,nij,nj->n", off, weights, off), nan=np.inf) < limit)
 
     def covariance(self, p: Floats, rows: Bools) -> Floats:
         """Return the covariance of the numbers in the directions that motion determines against noise.
@@ -137,7 +138,8 @@ class GaussNewton:
         off = pairs.residuals(p)
         gain = pairs.gain(p)
         share = scale_covariances(gain @ pairs.covariances_a @ gain.T, self.spread)
-        weights = np.linalg.inv(share + scale_covariances(pairs.covariances_b, self.spread) + _FLOOR)
+        noise = share + scale_covariances(pairs.covariances_b, self.spread)
+        weights = np.linalg.inv(noise + pairs.reading_covariances(p) + _FLOOR)
         moved = np.einsum("nij,njk,nk->ni", share, weights, off) @ np.linalg.inv(gain).T
         base, _ = pairs.motions(p, is_corrected=False)
         return off, weights, compose(base, exp_of(moved))
@@ -152,6 +154,16 @@ class GaussNewton:
             if rows.sum() >= 10:
                 ratio = np.abs(off[used][rows, axis]) / np.sqrt(variance[rows])
                 self.spread[axis] = max(1.4826 * float(np.median(ratio)), 1e-6)
+
+
+def _share_of(p: Floats, change: Floats) -> float:
+    """Return the share of a change by which each scale goes at most half of its way to the least one.
+
+    Steps of full length from 1 would meet 0 exactly, where the motions of a say nothing; and the start knows the sign.
+    """
+    scales, falls = np.abs(p[[WAY, TURN]]), -change[[WAY, TURN]] * np.sign(p[[WAY, TURN]])
+    room = np.maximum(scales - LEAST_SCALE, 0.0) / 2.0
+    return float(np.min(np.where(falls > room, room / np.maximum(falls, 1e-300), 1.0)))
 
 
 def scale_covariances(covariances: Floats, spread: Floats) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.arrays import Floats
 from trailmark.errors import DataError
 from trailmark_calibration.hand_eye import solve_hand_eye_and_scale
-from trailmark_calibration.model import DELAY, NEUTRAL, TURN, WAY, YAW, MotionPairs, X, Y
+from trailmark_calibration.model import DELAY, LEAST_SCALE, NEUTRAL, TURN, WAY, YAW, MotionPairs, X, Y
 from trailmark_calibration.tracks import ComparedTrack
 
 __all__ = ["correlated_delay", "delay_peaks", "do_turns_agree", "starting_point"]
@@ -142,7 +142,7 @@ def starting_point(pairs: MotionPairs, known: Floats, delay_s: float) -> Floats:
     if not len(base):
         return p
     does_turn = _agrees(base[:, 2], sensor[:, 2])
-    p[TURN] = _slope(base[:, 2], sensor[:, 2]) if does_turn else 1.0
+    p[TURN] = _away_from_nothing(_slope(base[:, 2], sensor[:, 2])) if does_turn else 1.0
     if not (pairs.a.measures_way and pairs.b.measures_way):
         return p
     if p[TURN] < 0.0:  # ways bend to the other side
@@ -154,7 +154,12 @@ def starting_point(pairs: MotionPairs, known: Floats, delay_s: float) -> Floats:
         trial[DELAY] = delay_s
         off = np.hypot(*pairs.residuals(trial)[rows][:, :2].T)
         kept = off <= np.quantile(off, _KEPT)
+    p[WAY] = _away_from_nothing(p[WAY])
     return p
+
+
+def _away_from_nothing(scale: float) -> float:
+    return math.copysign(max(abs(scale), 2.0 * LEAST_SCALE), scale)
 
 
 def _agrees(a: Floats, b: Floats) -> bool:

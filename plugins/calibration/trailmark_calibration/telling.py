@@ -180,7 +180,8 @@ def _document(question: Question, found: Calibration, config_lines: list[str]) -
             for index in WORDS
         },
         "check": check and {"before": list(check.before), "after": list(check.after), "stretches": check.n},
-        "contradictions": {NAMES[index]: sigmas for index, sigmas in found.contradictions.items()},
+        "contradictions": {NAMES[index]: one.sigmas for index, one in found.contradictions.items()},
+        "contradicting_parts": {NAMES[index]: one.parts for index, one in found.contradictions.items()},
         "ambiguous": found.rival is not None,
         "clocks_run_apart": found.drift is not None,
         "config": config_lines,

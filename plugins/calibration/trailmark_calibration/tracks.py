@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -90,6 +91,24 @@ class ComparedTrack:
         return np.asarray(
             0.5 * (np.where(is_before[:, None], rates[before], 0.0) + np.where(is_after[:, None], rates[after], 0.0))
         )
+
+    def reading_errors(self, at_s: Floats) -> Floats:
+        """Return how wrong a reading between two stamps may be, one sigma, (M, 3) [m, m, rad]; nothing at a stamp.
+
+        A step is read as if its rates were constant. Where they change evenly by ``c`` over a step of length ``h``, a
+        reading at its share ``s`` is off by ``s (1 - s) h c / 2``, and by up to ``s (1 - s) h c`` where they leap. What
+        changes from the step before and what changes to the step after are added as squares, and both twice: errors of
+        neighbouring intervals go together, and delays came out too sure.
+        """
+        lengths_s = self.stamp_s - self.since_s
+        rates = self.twists / lengths_s[:, None]
+        is_joined = np.diff(self.runs) == 0
+        leaps = np.where(is_joined[:, None], np.diff(rates, axis=0), 0.0)
+        none = np.zeros((1, 3))
+        changes = np.hypot(np.concatenate([none, leaps]), np.concatenate([leaps, none]))
+        _, index, _ = self._at(at_s, None, is_beginning=True)
+        shares = np.clip((at_s - self.since_s[index]) / lengths_s[index], 0.0, 1.0)
+        return np.asarray(math.sqrt(0.5) * (shares * (1.0 - shares) * lengths_s[index])[:, None] * changes[index])
 
     def interval_covariances(self, from_s: Floats, to_s: Floats) -> Floats:
         """Return the covariance of the motion over each interval at its end, (M, 3, 3)."""

@@ -50,10 +50,13 @@ def line_of(found: Calibration, index: int) -> str:
             )
         if found.drift is not None and index == DELAY:
             advice = "it does not stay the same"
+        if index in found.contradictions:  # more of the same drive tells no more
+            advice = f"{found.contradictions[index].parts} contradict each other"
         return f"  {name:24}this drive cannot tell it (+- {2 * sigma * factor:.2g}{unit}): {advice}"
     line = f"  {name:24}{value * factor:.{digits}f} +- {2 * sigma * factor:.{digits}f}{unit} (95 %)"
     if index in found.contradictions:
-        line += f"; the halves of the drive are {found.contradictions[index]:.0f} sigmas apart"
+        of = found.contradictions[index]
+        line += f"; {of.parts} contradict each other, they are {of.sigmas:.0f} sigmas apart"
     return line
 
 
