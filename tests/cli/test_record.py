@@ -87,6 +87,7 @@ def test_a_file_is_recorded_without_a_config(trailmark: Run, drive: Path, tmp_pa
         "frames": {"wheels": 400},
         "playable": ["wheels"],
         "dropped": 0,
+        "too_far": 0,
     }
 
 
