@@ -183,6 +183,12 @@ def test_an_interrupted_drive_is_none(folder, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         observe_drive(read_localizers(folder / "robot.yaml", plugins, []), TwoLocalizers("wheels", "eye"))
 
+    monkeypatch.setattr(SourceStream, "is_live", True)  # a robot is driven by hand, and Ctrl-C ends the drive
+    drive = observe_drive(
+        read_localizers(folder / "robot.yaml", plugins, ["pace=step"]), TwoLocalizers("wheels", "eye")
+    )
+    assert len(drive.said["wheels"]) > 100
+
 
 @pytest.mark.parametrize("as_json", [(), ("--json",)])
 def test_an_interrupted_drive_calibrates_nothing_and_says_so(folder, capsys, monkeypatch, as_json):

@@ -55,7 +55,7 @@ def test_noise_in_a_gap_of_the_truth_is_not_measured_and_that_is_told(
 
     printed = capsys.readouterr()
     assert "# 201 fixes: rms 0.01, 0.01 m, 0.573 deg" in printed.out
-    assert printed.err == "fixes.csv: 99 of 300 estimates are left out: no true pose is near them\n"
+    assert printed.err == "fixes.csv: 99 of 300 estimates are left out: no true pose is near them (--max-difference)\n"
 
 
 def test_the_largest_difference_goes_with_noise(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,6 +105,20 @@ def test_options_without_effect_are_refused(
 
     assert call(*words) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_comment_that_holds_other_ends_of_lines_is_a_comment(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    straight = Trajectory.from_poses((0.1 * i, Pose2(0.05 * i)) for i in range(50))
+    write_tum("straight.tum", straight)
+    rows = Path("straight.tum").read_text()
+    Path("odd.tum").write_text(f"# made by\x85 somebody\u2028 else\x0c\n{rows}", encoding="utf-8")
+
+    with pytest.raises(SystemExit) as end:
+        main(["evaluate", "straight.tum", "odd.tum"])
+
+    assert not end.value.code, capsys.readouterr().err
 
 
 def test_noise_needs_two_true_poses(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from trailmark.cli import main
+from trailmark.cli.in_config import path_in_config
 from trailmark.config import Mounting, read_calibration
 from trailmark.config.yaml_text import read_yaml
 from trailmark.frames import GroundPlane, SensorInfo
@@ -155,6 +156,7 @@ def test_a_file_that_is_there_is_kept(there, recording, capsys):
     assert (code, out) == (2, "")
     assert "floor.calib.yaml is there already; choose another --out, or --overwrite" in error
     assert (there / "floor.calib.yaml").read_text() == "mine"
+    assert "stand still" not in error
     assert trailmark(capsys, *command, "--overwrite")[0] == 0
     assert read_calibration(there / "floor.calib.yaml").metres_per_pixel[0] == pytest.approx(3.9e-4, rel=0.01)
 
@@ -170,17 +172,27 @@ def test_the_line_for_the_config_names_the_file_as_the_config_finds_it(there, re
     elsewhere = trailmark(capsys, *command)
 
     assert "calibration: lenses/a.yaml}" in below[1]
+    assert path_in_config(there / "a, b" / "c.yaml", there) == '"a, b/c.yaml"'
     assert f"calibration: {there.resolve() / 'floor.calib.yaml'}}}" in elsewhere[1]
 
 
-@pytest.mark.parametrize(("believed_deg", "is_doubted"), [(0.0, False), (170.0, False), (90.0, True)])
-def test_a_heading_far_from_the_config_s_is_doubted(believed_deg, is_doubted):
+@pytest.mark.parametrize(
+    ("believed_deg", "has_sideways", "doubt"),
+    [
+        (0.0, False, None),
+        (170.0, True, None),
+        (90.0, False, "86 deg from the config's; did the robot drive forward (else --backward)"),
+        (0.0, True, "if the first moves were those along the robot; else it is 90 deg off"),
+    ],
+)
+def test_a_heading_that_other_moves_would_explain_is_doubted(believed_deg, has_sideways, doubt):
     found = Calibrated((4e-4, 4e-4), (1e-6, 1e-6), True, math.radians(176.0), 1e-3, None, None, 1.0)
     known = Pose3(yaw=math.radians(believed_deg))  # without any mounting nothing is believed
 
-    lines = _lines(found, SensorInfo("floor", "image", pose_base_sensor=known), "floor.calib.yaml")
+    lines = _lines(found, SensorInfo("floor", "image", pose_base_sensor=known), "floor.calib.yaml", has_sideways)
 
-    assert ("86 deg from the config's" in "\n".join(lines)) is is_doubted
+    heading = next(line for line in lines if line.startswith("heading"))
+    assert heading.endswith("deg") if doubt is None else doubt in heading
 
 
 class TestADriveThatIsNotFinished:

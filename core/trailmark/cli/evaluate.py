@@ -127,7 +127,9 @@ def _print_noise(
                 " ten fixes or ten seconds of motion are the least"
             )
         if n_judged < n_told:
-            say(f"{table}: {n_told - n_judged} of {n_told} estimates are left out: no true pose is near them")
+            say(
+                f"{table}: {n_told - n_judged} of {n_told} estimates are left out: no true pose is near them (--max-difference)"
+            )
         for source, one in found.items():
             _warn_of_scale(table, source, one.sigma_scale)
         if as_json:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 __all__ = ["path_in_config"]
 
 
 def path_in_config(file: Path, base_dir: Path) -> str:
-    """Return the path of a file as a config in `base_dir` names it: relative to it below it, and absolute elsewhere.
+    """Return the path of a file as a config in `base_dir` names it, as YAML: relative below it, absolute elsewhere.
 
     Parameters
     ----------
@@ -18,4 +20,5 @@ def path_in_config(file: Path, base_dir: Path) -> str:
         The config's folder.
     """
     absolute, folder = file.resolve(), base_dir.resolve()
-    return str(absolute.relative_to(folder) if absolute.is_relative_to(folder) else absolute)
+    path = str(absolute.relative_to(folder) if absolute.is_relative_to(folder) else absolute)
+    return path if re.fullmatch(r"[A-Za-z_/.][\w/.@-]*", path) else json.dumps(path, ensure_ascii=False)

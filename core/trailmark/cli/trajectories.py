@@ -53,7 +53,8 @@ def _is_w_first(file: Path) -> bool:
     A mounting is no explanation, as it tips base by one angle always; a swaying camera that hangs head down turns
     about the other axes too, if little.
     """
-    lines = [line.strip()[:2000].replace(",", " ") for line in file.read_text(encoding="utf-8").splitlines()]
+    with file.open(encoding="utf-8") as text:  # by lines as `read_tum` sees them
+        lines = [line.strip()[:2000].replace(",", " ") for line in text]
     quat_xyzw = np.array([line.split()[4:8] for line in lines if line and not line.startswith("#")], dtype=np.float64)
     x, y, z, _ = (quat_xyzw / np.linalg.norm(quat_xyzw, axis=1, keepdims=True)).T
     others = float((y * y + z * z).max())

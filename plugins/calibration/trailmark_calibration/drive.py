@@ -138,7 +138,7 @@ def observe_drive(config: RunConfig, two: TwoLocalizers) -> Drive:
     RunError, DataError
         If the run fails.
     KeyboardInterrupt
-        If the run is interrupted: a part of a drive would be taken for all of it.
+        If the run is interrupted, unless all its sources are live: a drive of a robot is ended so.
     """
     if not config.sources:
         raise ConfigError("the config has no source: a recording, a robot or a simulated world")
@@ -150,7 +150,7 @@ def observe_drive(config: RunConfig, two: TwoLocalizers) -> Drive:
                 if record.source in said:
                     said[record.source].append(record.estimate)
         sensors = pipeline.sensors
-        if pipeline.result.status == "interrupted":
+        if pipeline.result.status == "interrupted" and not all(source.is_live for source in parts.sources):
             raise ending_signal() or KeyboardInterrupt
     source_of = {sensor: source.name for source in parts.sources for sensor in source.sensors}
     return Drive(said, resolve_all_roles(config, sensors), sensors, source_of)

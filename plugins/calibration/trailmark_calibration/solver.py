@@ -138,6 +138,7 @@ class GaussNewton:
         off = pairs.residuals(p)
         gain = pairs.gain(p)
         share = scale_covariances(gain @ pairs.covariances_a @ gain.T, self.spread)
+        # What reading adds is also in what is left, by which the noise is scaled: together they are never too little.
         noise = share + scale_covariances(pairs.covariances_b, self.spread)
         weights = np.linalg.inv(noise + pairs.reading_covariances(p) + _FLOOR)
         moved = np.einsum("nij,njk,nk->ni", share, weights, off) @ np.linalg.inv(gain).T

@@ -32,13 +32,13 @@ _SIGMA_PX = 0.05
 _INDEPENDENT = 0.1
 #: Lengths that are given in another order than they were driven miss by more than this, and by so many sigmas.
 _WRONG_LENGTH, _WRONG_SIGMAS = 0.05, 5.0
-#: They change the shape of a pixel by more than this,
+#: Such lengths change the shape of a pixel by more than this.
 _WRONG_SHAPE = 0.2
-#: and turn what is meant for forward by more than this [rad].
-_WRONG_WAY_RAD = math.radians(5.0)
+#: A move in another direction is off by more than this; without a turn in place, a bend looks like some of it [rad].
+_WRONG_WAY_RAD = math.radians(30.0)
 _IN_ORDER = (
     "give --distance for each move along the robot, all forward or, with --backward, all backward, in the order of"
-    " driving, and --sideways for those that came after them"
+    " driving, and --sideways for those that came after them, or measure the lengths again"
 )
 
 
@@ -191,7 +191,7 @@ def _scales(
         shape = float(factors[1] / factors[0])
         if abs(math.log(shape)) > _WRONG_SHAPE:
             raise DataError(
-                f"by these lengths a pixel is {shape:.2f} times as high as it was believed to be, beside its width;"
+                f"by these lengths the ratio of height to width of a pixel is {shape:.2f} times what was assumed;"
                 f" {_IN_ORDER}; if the picture is squeezed, say by how much with"
                 " calibration: {metres_per_pixel: [u, v]}"
             )

@@ -67,16 +67,15 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
 
     run_config = read_target(config, plugins_of(context), request.overrides)
 
-    def refuse_what_is_there(camera: SensorInfo) -> None:
-        if not request.overwrite and _file_of(request, camera).exists():
-            raise ConfigError(f"{_file_of(request, camera)} is there already; choose another --out, or --overwrite")
+    def begin(camera: SensorInfo) -> None:
+        _refuse_what_is_there(request, camera)
+        if not request.as_json:
+            say(_GUIDE)
 
-    if not request.as_json:
-        say(_GUIDE)
     sign = -1.0 if request.backward else 1.0
     turn_deg = 360.0 if request.turn_deg is None else request.turn_deg
     drive = Speeds(sign * request.distances[0], math.radians(turn_deg)) if request.is_driven else None
-    seen = observe_drive(run_config, request.camera, drive, say, refuse_what_is_there)
+    seen = observe_drive(run_config, request.camera, drive, say, begin)
     known = Known(request.distances, request.sideways, request.distance_sigma, request.backward)
     try:
         found = calibrate(seen.steps, known, seen.assumed)
@@ -86,14 +85,11 @@ def ground(context: click.Context, /, config: str, **options: Any) -> None:
         reason, count = next(iter(seen.lost.items()))
         raise DataError(f"{error}; {count} of {seen.n_pictures} pictures were lost: {reason}") from error
     file = _file_of(request, seen.sensor)
-    lines = _lines(found, seen.sensor, path_in_config(file, run_config.base_dir))
+    lines = _lines(found, seen.sensor, path_in_config(file, run_config.base_dir), bool(request.sideways))
     _write(file, found, seen.sensor, lines)
     if request.as_json:
-        click.echo(
-            json.dumps(
-                _document(found, seen.sensor.name, seen.n_pictures, sum(seen.lost.values())) | {"file": str(file)}
-            )
-        )
+        n_lost = sum(seen.lost.values())
+        click.echo(json.dumps(_document(found, seen.sensor.name, seen.n_pictures, n_lost) | {"file": str(file)}))
         return
     for line in lines:
         click.echo(line)
@@ -134,6 +130,17 @@ def _file_of(request: _GroundRequest, camera: SensorInfo) -> Path:
     return request.out or Path(f"{camera.name}.calib.yaml")
 
 
+def _flat_field_of(file: Path) -> Path:
+    return file.with_suffix(".flat.npy")
+
+
+def _refuse_what_is_there(request: _GroundRequest, camera: SensorInfo) -> None:
+    file = _file_of(request, camera)
+    for one in (file, _flat_field_of(file)):
+        if one.exists() and not request.overwrite:
+            raise ConfigError(f"{one} is there already; choose another --out, or --overwrite")
+
+
 def _write(file: Path, found: Calibrated, sensor: SensorInfo, lines: Sequence[str]) -> None:
     """Write the calibration; a flat field goes into a file of its own beside it."""
     import numpy as np
@@ -148,7 +155,7 @@ def _write(file: Path, found: Calibrated, sensor: SensorInfo, lines: Sequence[st
         if plane is not None and plane.lens is not None:
             document["lens"] = calibration_to_document(plane.lens)
         if plane is not None and plane.flat_field is not None:
-            flat = file.with_suffix(".flat.npy")
+            flat = _flat_field_of(file)
             np.save(flat, plane.flat_field)
             document["flat_field"] = flat.name
         comment = "\n".join(f"# {line}".rstrip() for line in lines)
@@ -157,7 +164,7 @@ def _write(file: Path, found: Calibrated, sensor: SensorInfo, lines: Sequence[st
         raise ConfigError(f"cannot write {file}: {error}") from error
 
 
-def _lines(found: Calibrated, sensor: SensorInfo, file: str) -> list[str]:
+def _lines(found: Calibrated, sensor: SensorInfo, file: str, has_sideways: bool = False) -> list[str]:
     """Return what is told; `file` as the config names it."""
     (along_u, along_v), sigmas = found.metres_per_pixel, found.metres_per_pixel_sigma
     lines = [f"scale along u   {1e3 * along_u:.5f} +- {2e3 * sigmas[0]:.5f} mm/px (95 %)"]
@@ -165,7 +172,7 @@ def _lines(found: Calibrated, sensor: SensorInfo, file: str) -> list[str]:
     lines.append(f"scale along v   {1e3 * along_v:.5f} +- {2e3 * sigmas[1]:.5f} mm/px{ratio}")
     lines.append(
         f"heading         {math.degrees(found.yaw_rad):.3f} +- {math.degrees(2 * found.yaw_sigma_rad):.3f} deg"
-        f"{_doubt(found.yaw_rad, sensor.pose_base_sensor)}"
+        f"{_doubt(found.yaw_rad, sensor.pose_base_sensor.yaw, has_sideways)}"
     )
     if found.lever_m is None or found.lever_sigma_m is None:
         lines.append("place           not measured: no turn in place")
@@ -177,12 +184,17 @@ def _lines(found: Calibrated, sensor: SensorInfo, file: str) -> list[str]:
     return lines
 
 
-def _doubt(yaw_rad: float, believed: Pose3) -> str:
-    """Return what to think of a heading that is far from the one in the config, if the config has a mounting at all."""
-    off_deg = abs(math.degrees(math.remainder(yaw_rad - believed.yaw, 2.0 * math.pi)))
-    if believed == type(believed)() or off_deg <= _DOUBTFUL_DEG:
-        return ""
-    return f": {off_deg:.0f} deg from the config's; were the moves driven in the order that was given?"
+def _doubt(yaw_rad: float, believed_rad: float, has_sideways: bool) -> str:
+    """Return what to think of a heading: moves in another order, or backwards, would tell another one."""
+    off_deg = abs(math.degrees(math.remainder(yaw_rad - believed_rad, 2.0 * math.pi)))
+    if believed_rad and off_deg > _DOUBTFUL_DEG:
+        return (
+            f": {off_deg:.0f} deg from the config's; did the robot drive forward (else --backward), and the moves in"
+            " the order that was given?"
+        )
+    if not believed_rad and has_sideways:
+        return ": if the first moves were those along the robot; else it is 90 deg off, and the scales are wrong"
+    return ""
 
 
 def _mounting_in_words(found: Calibrated, known: Pose3) -> str:

@@ -24,7 +24,7 @@ Size = tuple[int, int]
 _USUAL_SIZE = "640x480"
 _KINECT_DEG = 57.0  # usual capture angle of the colour camera
 #: The axis of a lens is nearer to the middle than this share of the picture, unless that has another size.
-_OFF_CENTRE = 0.2
+_OFF_CENTRE = 0.1
 _NUDGE = "move a bright flat rectangle before both cameras, near and far, to all sides, turned this way and that"
 
 
