@@ -128,7 +128,8 @@ def _print_noise(
             )
         if n_judged < n_told:
             say(
-                f"{table}: {n_told - n_judged} of {n_told} estimates are left out: no true pose is near them (--max-difference)"
+                f"{table}: {n_told - n_judged} of {n_told} estimates are left out: no true pose is near them"
+                " (--max-difference)"
             )
         for source, one in found.items():
             _warn_of_scale(table, source, one.sigma_scale)
