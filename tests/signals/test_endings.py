@@ -205,7 +205,7 @@ def test_a_start_that_takes_long_is_cut_off(start, tmp_path: Path) -> None:
 
     assert child.end() == 130
     assert child.took_less_than(LIMIT_S)
-    assert child.told() == ["start", "close"]
+    assert child.told() == ["start", "close"], child.stderr
     assert not (tmp_path / "out").exists()
 
 
