@@ -141,20 +141,20 @@ def _evaluate_into_result(pipeline: Pipeline, glimpses: Glimpses | None) -> RunR
     `write_report` makes the rest later.
     """
     result, metrics = pipeline.result, None
-    if (signal := ending_signal()) is not None:
+    if (early := ending_signal()) is not None:
         with shielded():
-            logger.warning("%s", _words_at_the_end(signal, result))
+            logger.warning("%s", _words_at_the_end(early, result))
     try:
         with shielded(TELL_S):
             metrics = _write_metrics(pipeline, glimpses)
-        if (late := ending_signal()) is not None and result.status != "interrupted":
+        if early is None and (late := ending_signal()) is not None:
             raise late  # it came at the end of the metrics
-        if glimpses is not None and late is None:
+        if glimpses is not None and early is None:
             _write_report(pipeline)
-    except Interrupted as signal:
-        if result.status != "interrupted":  # in the middle of metrics or drawings
+    except Interrupted as late:
+        if early is None:  # in the middle of metrics or drawings
             with shielded():
-                logger.warning("%s", _words_at_the_end(signal, result))
+                logger.warning("%s", _words_at_the_end(late, result))
     return result if metrics is None else replace(result, metrics=metrics)
 
 

@@ -93,10 +93,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
 def test_a_bench_without_cells_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    Path("b.yaml").write_text("sources: {a: {plugin: nothing_of_this_name}}\nbench: {cells: {localizers: [klt]}}\n")
-    assert call("run", "b.yaml", "--out", "empty") == 2  # leaves an index
-    assert Path("empty/index.sqlite").is_file()
-    capsys.readouterr()
+    Index(Path("empty"), write=True).close()
 
     assert call(*words) == 2
 
@@ -104,6 +101,14 @@ def test_a_bench_without_cells_is_refused(words: list[str], capsys: pytest.Captu
     assert "empty holds no cell" in printed.err
     assert not printed.out
     assert not Path("out").exists()
+
+
+def test_a_config_that_is_refused_leaves_no_bench(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("b.yaml").write_text("sources: {a: {plugin: nothing_of_this_name}}\nbench: {cells: {localizers: [klt]}}\n")
+
+    assert call("run", "b.yaml", "--out", "empty") == 2
+    assert "nothing_of_this_name" in capsys.readouterr().err
+    assert not Path("empty").exists()
 
 
 def test_an_index_without_tables_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

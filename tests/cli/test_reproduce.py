@@ -27,8 +27,9 @@ def trailmark_register(registry):
 
 def seed_of_toy(trailmark: Any, tmp_path: Path, seed: str) -> tuple[int, str]:
     """Return with which seed an experiment was run, and what was said of it."""
-    (tmp_path / "plugin.py").write_text(PLUGIN, encoding="utf-8")
-    arguments = ["--plugin", tmp_path / "plugin.py", "reproduce", "toy", "--out", tmp_path / "out", "--json"]
+    plugin = tmp_path / f"{tmp_path.name}.py"  # a process takes a name for one file
+    plugin.write_text(PLUGIN, encoding="utf-8")
+    arguments = ["--plugin", plugin, "reproduce", "toy", "--out", tmp_path / "out", "--json"]
     done = trailmark(*arguments, "--seed", seed, "--quick")
     assert done.returncode == 0, done.stderr
     return int(json.loads(done.stdout)[0]["ours"]), done.stderr
@@ -42,6 +43,15 @@ def test_a_drawn_seed_is_said_and_repeats_the_run(trailmark: Any, tmp_path: Path
     assert int(named[1]) == drawn
     assert f"--seed {drawn} " in (tmp_path / "out" / "toy" / "results.md").read_text(encoding="utf-8")
     assert seed_of_toy(trailmark, tmp_path, named[1])[0] == drawn
+
+
+@pytest.mark.parametrize("cut", ["", "{", '"other"'])
+def test_what_an_interrupted_run_left_half_is_done_anew(trailmark: Any, tmp_path: Path, cut: str) -> None:
+    noted = tmp_path / "out" / "toy" / ".calls" / "request.json"
+    noted.parent.mkdir(parents=True)
+    noted.write_text(cut, encoding="utf-8")
+
+    assert seed_of_toy(trailmark, tmp_path, "3")[0] == 3
 
 
 def test_seeds_are_drawn_anew_each_time() -> None:

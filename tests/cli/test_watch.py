@@ -86,6 +86,16 @@ def test_a_bench_is_watched_too(synthetic_folder: Path) -> None:
     assert "toy, seed 1" in told.output
 
 
+def test_a_bench_in_which_nothing_has_begun_says_so(tmp_path: Path) -> None:
+    from trailmark_bench import Index
+
+    Index(tmp_path, write=True).close()
+
+    told = CliRunner().invoke(watch_command, [str(tmp_path), "--once"])
+
+    assert "no cell has begun" in told.output
+
+
 @pytest.fixture
 def synthetic_folder(tmp_path: Path) -> Path:
     from trailmark_bench import Cell, Index

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,20 @@ def test_a_fallback_of_the_alignment_is_marked_and_explained(fake_run: Write) ->
     assert all(cell.endswith("*") for cell in _column(table, "ATE rmse"))
     assert "* aligned at the origin: the truth stands still, so no direction can be told." in table.notes
     assert "drift" not in [column.title for column in table.columns]
+
+
+def test_each_reason_of_a_fallback_has_its_own_stars() -> None:
+    def document(reason: str) -> dict[str, Any]:
+        used = "origin" if reason else "se2"
+        alignment = {"asked": "se2", "used": used, "reason": reason}
+        metrics = {f"ate_rmse_m[{used},n=9]": 0.5}
+        return {"poses": 9, "metrics": metrics, "alignment": alignment, "association": {"pairs": 9}}
+
+    documents = tuple(document(reason) for reason in ("it stands", "", "few poses"))
+    table = trajectories_table(Trajectories((("a",), ("b",), ("c",)), documents, errors=True))
+
+    assert _column(table, "ATE rmse") == ["0.500**", "0.500  ", "0.500* "]
+    assert table.notes[1:] == ("* aligned at the origin: few poses.", "** aligned at the origin: it stands.")
 
 
 def test_a_trajectory_that_could_not_be_compared_says_why() -> None:

@@ -10,10 +10,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.signals.conftest import CONFIG, PLUGIN
 
 from trailmark.evaluation import read_run
 from trailmark.pipeline import Pipeline
@@ -289,6 +291,25 @@ def test_ctrl_c_at_every_line_that_hears_of_it_ends_the_command(step: int) -> No
     assert codes[n_before : n_before + n_heard] == [130] * n_heard
     assert set(codes[n_before + n_heard :]) <= {-signal.SIGINT}  # everything is said; the system ends us, in silence
     assert ended.stderr.count("Traceback") == ended.stderr.count("\nKeyboardInterrupt\n") == n_before
+
+
+@pytest.mark.parametrize("step", [pytest.param(61, marks=pytest.mark.slow), pytest.param(5, marks=pytest.mark.long)])
+def test_ctrl_c_at_every_line_of_a_run_closes_its_robot(step: int, tmp_path: Path) -> None:
+    (tmp_path / "c.yaml").write_text(CONFIG)
+    run = ["--plugin", str(PLUGIN), "run", "c.yaml", "--out", "out", "--set", "sources.robot.n=1", "--no-report"]
+    instants = [sys.executable, str(Path(__file__).with_name("instants.py")), str(step), *run]
+    ended = subprocess.run(instants, cwd=tmp_path, capture_output=True, text=True, timeout=2400.0, check=True)
+
+    lines = [line.split(maxsplit=2)[1:] for line in ended.stdout.splitlines()]
+    n_heard = sum(code == "130" for code, *_ in lines)
+    assert n_heard > 1000 / step
+    assert all(told == "close" for _, told in lines)
+    # at the end the system ends us, in silence
+    assert all(code == str(-signal.SIGINT) for code, _ in lines[n_heard:])
+    assert "internal error" not in ended.stderr
+    assert "Traceback" not in ended.stderr
+    said = ended.stderr.splitlines()
+    assert not any("what is known was written" in one and one == other for one, other in pairwise(said))
 
 
 def test_a_signal_is_heard_when_everybody_else_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -106,6 +106,12 @@ def test_tables_that_are_not_ours_leave_nothing_to_read(taught: Path) -> None:
 
 def test_what_is_no_store_at_all_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("dear diary")
-    for name, message in (("notes.txt", "is not a path store"), ("nothing.trail", "no path store at")):
+    (tmp_path / "empty.trail").touch()
+    messages = {
+        "notes.txt": "is not a path store",
+        "nothing.trail": "no path store at",
+        "empty.trail": "is not a path store but an empty file",
+    }
+    for name, message in messages.items():
         with pytest.raises(StoreError, match=message):
             check_store(tmp_path / name)

@@ -141,7 +141,7 @@ def test_a_newer_schema_is_refused_with_what_to_do(taught: Path, place: SimpleNa
     before = taught.read_bytes()
 
     with (
-        pytest.raises(StoreError, match=r"newer Trailmark: it has schema 3.*pip inst"),
+        pytest.raises(StoreError, match=r"newer Trailmark: it has schema 3.*Update Trailmark"),
         place.opened(taught, access),
     ):
         pass

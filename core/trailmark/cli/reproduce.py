@@ -7,6 +7,7 @@ import re
 import secrets
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -108,10 +109,17 @@ def _keep_only_the_same(folder: Path, request: dict[str, Any]) -> None:
 
     calls = folder / CALLS_FOLDER
     noted = calls / "request.json"
-    if not noted.is_file() or json.loads(noted.read_text(encoding="utf-8")) != request:
+    if _noted_request(noted) != request:
         forget_calls(calls)
         calls.mkdir(parents=True)
         noted.write_text(json.dumps(request), encoding="utf-8")
+
+
+def _noted_request(file: Path) -> Any:
+    """Return what was asked for before; None: nothing, or a file that was cut off."""
+    with suppress(OSError, ValueError):
+        return json.loads(file.read_text(encoding="utf-8"))
+    return None
 
 
 def _list(specs: dict[str, Any], as_json: bool) -> None:

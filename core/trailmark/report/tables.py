@@ -236,8 +236,15 @@ def _source_metrics(document: Document, name: str) -> Document:
 
 
 def _marks(documents: Sequence[Document]) -> list[str]:
-    blank = " " if any(_fell_back(item) for item in documents) else ""  # digits stay below digits
-    return ["*" if _fell_back(item) else blank for item in documents]
+    """Return a star for each that was aligned otherwise than asked, two for those of a second reason, and so on."""
+    stars = {reason: "*" * (k + 1) for k, reason in enumerate(_reasons(documents))}
+    marks = [stars[item["alignment"]["reason"]] if _fell_back(item) else "" for item in documents]
+    return [mark.ljust(len(stars)) for mark in marks]  # digits stay below digits
+
+
+def _reasons(documents: Sequence[Document]) -> list[str]:
+    """Return why some were aligned otherwise than asked, each once."""
+    return sorted({item["alignment"]["reason"] for item in documents if _fell_back(item)})
 
 
 def _fell_back(document: Document) -> bool:
@@ -252,8 +259,8 @@ def _notes(trajectories: Trajectories) -> list[str]:
         notes.append(f"No ground truth: the numbers are differences from {trajectories.reference}, not errors.")
     if compared:
         notes.append(_alignment_note(compared))
-    reasons = {item["alignment"]["reason"] for item in compared if _fell_back(item)}
-    notes += [f"* aligned at the origin: {reason}." for reason in sorted(reasons)]
+    reasons = _reasons(trajectories.documents)
+    notes += [f"{'*' * (k + 1)} aligned at the origin: {reason}." for k, reason in enumerate(reasons)]
     for label, item in zip(trajectories.labels, trajectories.documents, strict=True):
         if "problem" in item:
             notes.append(f"{' '.join(label)}: {item['problem']}.")

@@ -49,7 +49,7 @@ def copy_store(path: Path, target: Path, *, replaces: bool = False) -> int:
         mark.take()
         with store_errors(target):
             if target.exists():
-                check_replaceable(target, replaces)
+                check_replaceable(target, replaces, "take another name, or replace it by --overwrite")
             draft.unlink(missing_ok=True)
             with contextlib.closing(connect(draft, "rwc")) as copy:
                 connection.backup(copy)

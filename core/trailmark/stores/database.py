@@ -69,7 +69,7 @@ class Database:
         draft = path.with_name(path.name + ".new")
         with _hold_mark(path) as mark, store_errors(path), contextlib.ExitStack() as undo:
             if path.exists():
-                check_replaceable(path, replaces)
+                check_replaceable(path, replaces, "go on with it by --append, or replace it by --overwrite-store")
             _remove(draft, *side_files(draft))  # of a writer that was killed: this one holds the mark
             connection = connect(draft, "rwc")
             database = cls(path, connection)
@@ -220,7 +220,7 @@ def _hold_mark(path: Path) -> Iterator[WriterMark]:
         raise
 
 
-def check_replaceable(path: Path, replaces: bool) -> None:
+def check_replaceable(path: Path, replaces: bool, remedy: str) -> None:
     """Check that an old store may be replaced, and bring all of it into its one file, so that it is whole until then.
 
     Raises
@@ -229,7 +229,7 @@ def check_replaceable(path: Path, replaces: bool) -> None:
         If it may not, or if somebody reads an older state of it, so that its log cannot be emptied.
     """
     if not replaces:
-        raise StoreError(f"{path} exists already; go on with it by --append, or replace it by --overwrite")
+        raise StoreError(f"{path} exists already; {remedy}")
     if not path.is_file():
         raise StoreError(f"{path} is not a file, so it is not overwritten; take another name")
     if path.stat().st_size == 0:

@@ -81,12 +81,13 @@ def identify(connection: sqlite3.Connection, path: Path) -> int:
         If it is a path store with other tables than its schema has.
     """
     if not has_our_mark(connection):
-        raise StoreError(f"{path} is not a path store but another SQLite file; check the file's name")
+        other = "an empty file" if path.stat().st_size == 0 else "another SQLite file"
+        raise StoreError(f"{path} is not a path store but {other}; check the file's name")
     version = _pragma(connection, "user_version")
     if version > VERSION:
         raise StoreError(
             f"{path} was written by a newer Trailmark: it has schema {version}, and this one knows up to {VERSION}."
-            " Update with 'pip install --upgrade trailmark'"
+            " Update Trailmark to read it"
         )
     if version not in TABLES:
         raise Damage(f"there is no schema {version}")

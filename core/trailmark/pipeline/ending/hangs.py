@@ -84,8 +84,9 @@ class HangWatch:
     def _begin(self) -> None:
         if _is_main_thread() and _SIGNAL is not None and signal.getsignal(_SIGNAL) == signal.SIG_DFL:
             signal.signal(_SIGNAL, self._raise)
-        self._thread = threading.Thread(target=self._watch, name="watch for parts that hang", daemon=True)
-        self._thread.start()
+        thread = threading.Thread(target=self._watch, name="watch for parts that hang", daemon=True)
+        thread.start()
+        self._thread = thread  # one that has started: Ctrl-C between the two lines leaves none that `close` waits for
 
     def _watch(self) -> None:
         struck_s, n_strikes = math.nan, 0

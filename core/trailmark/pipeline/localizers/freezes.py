@@ -13,7 +13,7 @@ import numpy as np
 
 from trailmark.arrays import AnyArray
 from trailmark.estimates import Belief, Lost
-from trailmark.frames import Frame, Payload
+from trailmark.frames import Frame
 from trailmark.pipeline.localizers.estimator import EstimatorRunner
 from trailmark.values import quick_dataclass
 
@@ -31,7 +31,7 @@ _ROWS, _BUFFERS = 8, 4
 class _Reading:
     """What a sensor measured, when it gave that first, and where the robot was then."""
 
-    values: AnyArray
+    values: bytes
     stamp_s: float
     belief: Belief
 
@@ -47,24 +47,41 @@ class FreezeWatch:
 
     def __init__(self, estimator: EstimatorRunner) -> None:
         self._estimator = estimator
-        self._kept: dict[str, list[deque[_Reading]]] = {}
+        self._kept: dict[str, tuple[deque[_Reading], ...]] = {}
+        self._new: list[tuple[deque[_Reading], bytes]] = []  # of the last frame that was looked at, and where it goes
         self._repeating: set[str] = set()
 
     def lost(self, frame: Frame) -> Lost | None:
         """Return what is said in place of those who look at a frame, where its sensor has frozen."""
-        now = _measured(frame.payload)
-        found = [_found(kept, values) for kept, values in zip(self._kept.get(frame.sensor, ()), now)]
-        repeated = [one for one in found if one is not None]
-        if len(repeated) < len(now):
+        self._new.clear()
+        readings = frame.payload.readings
+        if not readings:
+            return None
+        repeated = self._repeated(frame.sensor, readings)
+        if len(repeated) < len(readings):
             repeated = [one for one in repeated if frame.stamp_s - one.stamp_s > _RECENT_S]
-        if repeated:
-            self._repeating.add(frame.sensor)
-        else:
+        if not repeated:
             self._repeating.discard(frame.sensor)
+            return None
+        self._repeating.add(frame.sensor)
         for one in repeated:
             if reason := self._reason(frame, one.belief):
                 return Lost(frame.stamp_s, f"{frame.sensor!r} gives the same {frame.payload.kind} again, {reason}")
         return None
+
+    def _repeated(self, sensor: str, readings: tuple[AnyArray, ...]) -> list[_Reading]:
+        """Return the earlier readings that came again, and set aside what is new."""
+        if (kept := self._kept.get(sensor)) is None:
+            kept = self._kept[sensor] = tuple(deque[_Reading](maxlen=_BUFFERS) for _ in readings)
+        repeated = []
+        for earlier, reading in zip(kept, readings):
+            values = _measured(reading)
+            same = next((one for one in earlier if one.values == values), None)  # most differ in their first bytes
+            if same is not None and _tells_something(reading):
+                repeated.append(same)
+            else:
+                self._new.append((earlier, values))
+        return repeated
 
     def _reason(self, frame: Frame, before: Belief) -> str:
         """Return why a reading must not be the same again, or nothing."""
@@ -80,29 +97,22 @@ class FreezeWatch:
         return f"bit by bit, while the robot moves by {way_m:.3f} m and {math.degrees(turn_rad):.1f} deg: frozen?"
 
     def keep(self, frame: Frame, belief: Belief) -> None:
-        """Remember what a frame measured, and the belief after it; what is the same is as old as it was."""
-        now = _measured(frame.payload)
-        kept = self._kept.setdefault(frame.sensor, [deque(maxlen=_BUFFERS) for _ in now])
-        for earlier, values in zip(kept, now):
-            if _found(earlier, values) is None:
-                earlier.append(_Reading(values, frame.stamp_s, belief))
+        """Remember what the frame measured that was looked at last, and the belief after it.
+
+        What came again is as old as it was.
+        """
+        for earlier, values in self._new:
+            earlier.append(_Reading(values, frame.stamp_s, belief))
+        self._new.clear()
 
 
-def _measured(payload: Payload) -> list[AnyArray]:
-    """Return enough of what was measured to know it again: copies, for a source may write into its arrays anew."""
-    return [np.array(reading[::_ROWS] if reading.ndim > 1 else reading) for reading in payload.readings]
+def _measured(reading: AnyArray) -> bytes:
+    """Return enough of a reading to know it again: a copy, for a source may write into its arrays anew."""
+    return (reading[::_ROWS] if reading.ndim > 1 else reading).tobytes()
 
 
-def _found(earlier: deque[_Reading], now: AnyArray) -> _Reading | None:
-    """Return the earlier reading that is the same; None for one that says nothing, as a black picture."""
-    same = next((one for one in earlier if _is_same(one.values, now)), None)
-    if same is None:
-        return None
-    told = now[np.isfinite(now)]
-    return same if len(told) and (told != told[0]).any() else None
-
-
-def _is_same(before: AnyArray, now: AnyArray) -> bool:
-    """Return whether two readings are equal bit by bit, NaN as well; most differ in their first row."""
-    is_like = before.shape == now.shape and before[:1].tobytes() == now[:1].tobytes()
-    return is_like and before.tobytes() == now.tobytes()
+def _tells_something(reading: AnyArray) -> bool:
+    """Return whether what is kept of a reading is not all the same, as a black picture or a scan without an echo."""
+    kept = reading[::_ROWS] if reading.ndim > 1 else reading
+    told = kept if kept.dtype.kind in "iub" else kept[np.isfinite(kept)]
+    return bool(told.size) and bool((told != told.flat[0]).any())

@@ -12,7 +12,7 @@ from trailmark.errors import RunError
 from trailmark.estimates import Applied
 from trailmark.frames import Frame, SensorInfo
 from trailmark.geometry import Pose2
-from trailmark.interruption import STEP_S, ending_signal, reason_of, settle, shielded
+from trailmark.interruption import CLOSE_S, STEP_S, ending_signal, reason_of, settle, shielded
 from trailmark.pipeline.ending import HangError, HangWatch
 from trailmark.pipeline.instruments import Instruments
 from trailmark.pipeline.outputs.result import RunResult, Status, Step
@@ -70,7 +70,7 @@ class Run:
         recorder: Recorder | None,
         on_end: Callable[[RunResult], None],
     ) -> None:
-        with shielded(0.0):  # devices that do not answer are not waited for
+        with shielded(CLOSE_S):  # but for what parts do themselves: what has started is handed over, and can be closed
             self.running = running = start_parts(parts, pushed, instruments)
         self._instruments = instruments
         self._lock = threading.RLock()

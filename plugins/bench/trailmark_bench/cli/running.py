@@ -46,7 +46,7 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
     DataError
         If the file of results is none.
     """
-    own = Index(request.folder) if (request.folder / INDEX_FILE).is_file() else None
+    own = Index(request.folder) if has_begun(request.folder) else None
     bench = load(request, plugins, chosen, {} if own is None else own.file_digests())
     say_changed(bench, own)
     with ExitStack() as around:
@@ -62,10 +62,12 @@ def list_bench(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> 
 
 def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugins) -> None:
     """Run the missing cells of a bench, and print what all cells show."""
-    with _saying_what_is_kept(), Index(request.folder, write=True) as index:
-        cache = index.file_digests()
+    with _saying_what_is_kept(), ExitStack() as opened:
+        known = opened.enter_context(Index(request.folder, write=True)) if has_begun(request.folder) else None
+        cache = {} if known is None else known.file_digests()
         bench = load(request, plugins, chosen, cache)
         whole = whole_bench(request, plugins, chosen, cache)
+        index = known or opened.enter_context(Index(request.folder, write=True))  # a refused config leaves no folder
         index.keep_file_digests(cache)
         say_changed(bench, index)
         remember(index, bench, request.config)
@@ -85,6 +87,11 @@ def run_bench_command(request: RunOptions, plugins: Plugins, chosen: ChosenPlugi
     if lost:
         say(f"{len(lost)} cells are pending: what ran them was lost, more than once; the same command goes on")
         raise click.exceptions.Exit(1)
+
+
+def has_begun(folder: Path) -> bool:
+    """Return whether a bench has begun in a folder."""
+    return (folder / INDEX_FILE).is_file()
 
 
 def left_words(left: Sequence[Cell], cells: Sequence[Cell], states: Mapping[str, str]) -> str:

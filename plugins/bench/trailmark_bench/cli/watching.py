@@ -23,7 +23,7 @@ def look_at_bench(folder: Path) -> Look:
         counts: dict[str, int] = {}
         for record in records:
             counts[record.state] = counts.get(record.state, 0) + 1
-        states = ", ".join(f"{count} {state}" for state, count in counts.items())
+        states = ", ".join(f"{count} {state}" for state, count in counts.items()) or "no cell has begun"
         running = "".join(f"\n  {record.label}" for record in records if record.state == "running")
         goes_on = bool(counts.get("running"))
         return goes_on, Text(f"{format_filename(folder.resolve().name)}: {states}{running}")
