@@ -139,7 +139,8 @@ def teach(config: Path, store: Path, *more: str) -> list[Any]:
 def test_a_killed_teaching_keeps_what_it_said(
     nursery: Nursery, config: Path, tmp_path: Path, record_property: Any
 ) -> None:
-    _, takes_s, _ = nursery.run(*teach(config, tmp_path / "whole.trail"))
+    code, takes_s, said = nursery.run(*teach(config, tmp_path / "whole.trail"))
+    assert code == 0, said
     n_kept = []
 
     def start(attempt: int, kill_after_s: float) -> tuple[int, float, str]:
