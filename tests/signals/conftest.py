@@ -8,12 +8,10 @@ import select
 import signal
 import subprocess
 import sys
-import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import pytest
 
@@ -26,53 +24,12 @@ HEARD = (
 
 # With so many others for each processor, what takes 0.3 s by itself takes longer than the two seconds.
 _BUSY = 3.0
-# The load is a mean of a minute. A processor or a disk that is gone for a moment shows in beats that come late [s].
-_BEAT_S = 0.01
-_MISSED_S = 0.5
 
 CONFIG = """
 sources: {robot: {plugin: toy_robot}}
 localizers: {mover: {plugin: toy_mover}}
 controller: toy_driver
 """
-
-
-class Beats:
-    """Writes to the disk a hundred times a second while something else is waited for: does the machine stand still?
-
-    Parameters
-    ----------
-    folder : Path
-        On the disk in question; nothing is left there.
-
-    Attributes
-    ----------
-    missed_s : float
-        How much longer all beats took than they should, waits for a processor and for the disk together [s].
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.missed_s = 0.0
-        self._folder = folder
-        self._is_over = threading.Event()
-        self._thread = threading.Thread(target=self._beat, daemon=True)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._is_over.set()
-        self._thread.join()
-
-    def _beat(self) -> None:
-        with tempfile.TemporaryFile(dir=self._folder, buffering=0) as file:
-            while not self._is_over.is_set():
-                began_s = time.monotonic()
-                time.sleep(_BEAT_S)
-                file.write(b".")
-                os.fsync(file.fileno())
-                self.missed_s += max(0.0, time.monotonic() - began_s - 3 * _BEAT_S)
 
 
 class Child:
@@ -128,15 +85,13 @@ class Child:
         """Wait for the end, and return the exit code."""
         assert self.process.stdout is not None
         ended = os.pidfd_open(self.process.pid)
-        with Beats(self.folder) as beats:
-            select.select([ended], [], [], 120.0)
-            self.took_s = time.monotonic() - self._sent_s
+        select.select([ended], [], [], 120.0)
+        self.took_s = time.monotonic() - self._sent_s
         self.load = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
         os.close(ended)
         out, err = self.process.communicate(timeout=1.0)
         self.stdout, self.stderr = out.decode(), err.decode()
-        is_busy = self.load > _BUSY or beats.missed_s > _MISSED_S
-        if not may_be_cut_off and is_busy and self.was_cut_off:
+        if not may_be_cut_off and self.load > _BUSY and self.was_cut_off:
             pytest.skip("this machine is too busy for an end in order within two seconds")
         return self.process.returncode
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,7 @@ class FreezeWatch:
         self._new.clear()
         readings = frame.payload.readings
         if not readings:
+            self._repeating.discard(frame.sensor)
             return None
         repeated = self._repeated(frame.sensor, readings)
         if len(repeated) < len(readings):
@@ -77,7 +79,7 @@ class FreezeWatch:
         for earlier, reading in zip(kept, readings):
             values = _measured(reading)
             same = next((one for one in earlier if one.values == values), None)  # most differ in their first bytes
-            if same is not None and _tells_something(reading):
+            if same is not None and _tells_something(values, reading.dtype):
                 repeated.append(same)
             else:
                 self._new.append((earlier, values))
@@ -111,8 +113,10 @@ def _measured(reading: AnyArray) -> bytes:
     return (reading[::_ROWS] if reading.ndim > 1 else reading).tobytes()
 
 
-def _tells_something(reading: AnyArray) -> bool:
+def _tells_something(values: bytes, dtype: np.dtype[Any]) -> bool:
     """Return whether what is kept of a reading is not all the same, as a black picture or a scan without an echo."""
-    kept = reading[::_ROWS] if reading.ndim > 1 else reading
-    told = kept if kept.dtype.kind in "iub" else kept[np.isfinite(kept)]
-    return bool(told.size) and bool((told != told.flat[0]).any())
+    if dtype.kind in "iub":  # of whole numbers those alike have the same bytes: what is shifted by one is the same
+        return values[dtype.itemsize :] != values[: -dtype.itemsize]
+    told = np.frombuffer(values, dtype)
+    told = told[np.isfinite(told)]
+    return bool(told.size) and bool((told != told[0]).any())
