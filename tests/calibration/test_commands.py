@@ -168,6 +168,23 @@ def test_a_run_whose_recording_was_moved_says_what_is_missing(tmp_path, capsys, 
     assert len(warning.getMessage().splitlines()) == 1
 
 
+def test_a_stranger_that_cannot_start_any_more_is_warned_of(tmp_path, capsys, caplog):
+    record(simulate(np.random.default_rng(7), RIGHT, BELIEVED, duration_s=70.0), tmp_path)
+    (tmp_path / "robot.yaml").write_text(CONFIG)
+    alone = "estimator={plugin: dead_reckoning, use: [eye]}"
+    run = ("run", tmp_path / "robot.yaml", "--set", alone, "--out", tmp_path / "run", "--no-report")
+    assert trailmark(capsys, *run)[0] == 0
+    (tmp_path / "steps.npy").write_text("something else by now\n")
+    caplog.clear()
+
+    code, _, error = trailmark(capsys, "calibrate", "odometry", tmp_path / "run")
+
+    assert code == 0, error
+    (warning,) = [entry for entry in caplog.records if entry.name.startswith("trailmark_calibration")]
+    assert "source 'eye' cannot be opened any more" in warning.getMessage()
+    assert "source 'eye' failed in start: ValueError" in warning.getMessage()
+
+
 def test_an_interrupted_drive_is_none(folder, monkeypatch):
     frames = SourceStream.frames
 

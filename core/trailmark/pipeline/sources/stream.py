@@ -102,6 +102,11 @@ class SourceStream:
             Takes ``source.NAME.frames`` and what is left out.
         times : array of int, optional
             Takes how long each frame took to come [ns].
+
+        Raises
+        ------
+        RunError
+            If the source raises what is no error of Trailmark.
         """
         self._counters = Counters() if counters is None else counters
         self._times = array("q") if times is None else times
@@ -109,7 +114,7 @@ class SourceStream:
         self.n_frames, self.first_s = 0, -math.inf
         path = self._options.ground_truth
         self._truth = None if path is None else read_tum(path)  # a wrong file shows before the run, not after it
-        self.source.start(session)
+        call_guarded(f"source {self.name!r}", "start", lambda: self.source.start(session))
         self.sensors = self._named(call_guarded(f"source {self.name!r}", "sensors", self._own_sensors))
         if self._perturber is not None:
             self._perturber.start(session, self.sensors)
@@ -118,7 +123,7 @@ class SourceStream:
         """Close the source; `frames` then ends. Any thread, twice."""
         self._is_closed = True
         try:
-            self.source.close()
+            call_guarded(f"source {self.name!r}", "close", self.source.close)
         finally:
             if self._perturber is not None:
                 self._perturber.close()
