@@ -49,6 +49,8 @@ UNITS = {"position": "%", "odometer": "%", "heading": "deg/m"}
 #: Floors with a bar of their own, for the position.
 HARD = {"wood_dark": (0.3, 0.1), "artificial_turf_1k": (0.5, 0.1)}
 METHODS = ("refined", "paper", "klt", "orb", "phase_correlation")
+#: What the tables call them, if not the same: in a column "paper" one expects figures of the paper.
+IN_WORDS = {"paper": "as printed"}
 #: Methods that run with every seed; the others with the first few.
 ALWAYS = ("refined", "klt")
 _SETTLE_FRAMES = 30
@@ -270,7 +272,7 @@ def _table(runs: Sequence[Run], what: str, floors: Sequence[str]) -> list[str]:
     cell = "position % / odometer % / heading deg/m" if what == "straight" else "position % / heading deg"
     methods = [method for method in METHODS if any((floor, method) in groups for floor in shown)]
     lines = [f"{cell}; then median CPU ms, drives (seeds), and pictures lost where there are any.", ""]
-    lines += ["| floor | " + " | ".join(methods) + " |"]
+    lines += ["| floor | " + " | ".join(IN_WORDS.get(method, method) for method in methods) + " |"]
     lines += ["|---" * (len(methods) + 1) + "|"]
     for floor in shown:
         cells = [_cell(groups[floor, method], items) if (floor, method) in groups else "" for method in methods]
@@ -297,7 +299,8 @@ def _consistency(runs: Sequence[Run]) -> list[str]:
         means = np.array([[np.mean([run[key] for run in group]) for key in ("squares_along", "squares_heading")]
                           for group in groups_of])  # fmt: skip
         parts = (np.exp(np.log(means).mean(axis=0)), means.min(axis=0), means.max(axis=0))
-        lines.append(f"| {method} | " + " | ".join(f"{part[0]:.2f} / {part[1]:.2f}" for part in parts) + " |")
+        cells = " | ".join(f"{part[0]:.2f} / {part[1]:.2f}" for part in parts)
+        lines.append(f"| {IN_WORDS.get(method, method)} | {cells} |")
     return lines if groups else []
 
 

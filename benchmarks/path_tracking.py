@@ -181,9 +181,10 @@ def page(n_seeds: int) -> str:
         f" <= {BAR_MEAN_MM:g} mm, largest <= {BAR_MAX_MM:g} mm.\n",
         head,
         *rows_of(VEHICLES, n_seeds),
-        "\nCourses: bends of 1.2 and 1.4 m (indoor, the paper's), of 1.0 m in an eight that crosses itself, corners of"
-        " 0.8 m. Vehicles: the simulator's, with lags of 0.08 to 0.2 s; `differential` with wheels that do 0.8 m/s."
-        " Where the mean speed is lower, bends (`lateral_mps2`, `yaw_limit_dps`) and the two ends ask for it.\n",
+        "\nCourses: bends of 1.2 and 1.4 m (indoor, as long as the paper's), of 1.0 m in an eight that crosses itself,"
+        " corners of 0.8 m. Vehicles: the simulator's, with lags of 0.08 to 0.2 s; `differential` with wheels that do"
+        " 0.8 m/s. Where the mean speed is lower, bends (`lateral_mps2`, `yaw_limit_dps`) and the two ends ask for"
+        " it.\n",
         "## Beside it\n",
         "The paper's law at this speed, which is twice the paper's, and both with a linkage that turns the wheels 8 %"
         " further to one side, with trims of 0.5 and -0.3 degrees:\n",
