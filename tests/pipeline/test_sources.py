@@ -12,14 +12,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trailmark.config import Mounting, SensorOverride, SourceConfig
-from trailmark.errors import ConfigError, DataError, SourceError
+from trailmark.errors import ConfigError, DataError, RunError, SourceError
 from trailmark.frames import RGBD, Frame, GroundPlane, Image, Record, Scalar, SensorInfo
 from trailmark.geometry import Pose2, Trajectory, write_tum
+from trailmark.interfaces import Session
 from trailmark.pipeline import Pipeline, SourceStream
 
 
 def stamps_of(fakes, sources, **fields) -> list[tuple[str, float]]:
     return [(step.frame.sensor, round(step.stamp_s, 6)) for step in Pipeline(fakes.parts(sources, **fields))]
+
+
+class TestLife:
+    @pytest.mark.parametrize(("method", "arguments"), [("start", [Session(name="lamp")]), ("close", [])])
+    def test_who_starts_a_source_alone_is_told_which_one_failed(self, fakes, monkeypatch, method, arguments) -> None:
+        def fails(*_) -> None:
+            raise ValueError("nothing is plugged in")
+
+        source = fakes.Recording(fakes.scalar_frames("light", [0.0]))
+        monkeypatch.setattr(source, method, fails)
+        stream = SourceStream("lamp", source, SourceConfig())
+
+        with pytest.raises(RunError, match=f"^source 'lamp' failed in {method}: ValueError: nothing is plugged in$"):
+            getattr(stream, method)(*arguments)
 
 
 class TestOptions:
