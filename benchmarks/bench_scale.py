@@ -48,18 +48,23 @@ addEventListener("load", () => {
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure beside its bar; None where there is no bar."""
+    """A figure beside its bar; None where there is no bar, and where nothing was measured."""
 
     what: str
     unit: str
-    ours: float
+    ours: float | None
     bar: float | None
     note: str = ""
 
     @property
     def is_met(self) -> bool:
         """Whether it is below the bar."""
-        return self.bar is None or self.ours < self.bar
+        return self.bar is None or (self.ours is not None and self.ours < self.bar)
+
+    @property
+    def measured(self) -> str:
+        """The figure with its unit, in words where there is none."""
+        return "not measured" if self.ours is None else f"{self.ours:.3g} {self.unit}".strip()
 
 
 def overhead(folder: Path, n_cells: int) -> list[Figure]:
@@ -122,12 +127,12 @@ def size(folder: Path, n_cells: int) -> list[Figure]:
         Figure(f"{n_cells} cells, memory", "MB", peak_mb, 1024.0, f"the page is {page.stat().st_size / 1e6:.1f} MB"),
     ]
     browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    opens = f"{n_cells} cells, the page opens"
     if browser is None:
-        print("no chromium: the page is not opened")
-        return figures
+        return [*figures, Figure(opens, "s", None, 3.0, "this machine has no chromium")]
     loads = sorted(_opened(browser, page, folder / f"browser{n}") for n in range(3))
     note = f"best of 3, until nothing is left to do; all: {', '.join(f'{load:.2f}' for load in loads)}"
-    return [*figures, Figure(f"{n_cells} cells, the page opens", "s", loads[0], 3.0, note)]
+    return [*figures, Figure(opens, "s", loads[0], 3.0, note)]
 
 
 def _opened(browser: str, page: Path, profile: Path) -> float:
@@ -157,10 +162,7 @@ def page_of(figures: Sequence[Figure], command: str) -> str:
         *(__doc__ or "").split("\n\n")[2:],
         "| what | measured | bar | |",
         "|---|---|---|---|",
-        *(
-            f"| {one.what} | {one.ours:.3g} {one.unit} | {_bar(one)} | {one.note} |".replace("  ", " ")
-            for one in figures
-        ),
+        *(f"| {one.what} | {one.measured} | {_bar(one)} | {one.note} |".replace("  ", " ") for one in figures),
     ]
     return "\n".join(lines) + "\n"
 
@@ -169,7 +171,7 @@ def _bar(figure: Figure) -> str:
     if figure.bar is None:
         return ""
     bar = "0" if figure.bar < 1.0 else f"< {figure.bar:g} {figure.unit}"
-    return f"{bar}, {'met' if figure.is_met else 'not met'}"
+    return bar if figure.ours is None else f"{bar}, {'met' if figure.is_met else 'not met'}"
 
 
 def main() -> None:
@@ -192,7 +194,7 @@ def main() -> None:
         return
     for one in figures:
         bar = "" if one.bar is None else f"bar {one.bar:g} {'met' if one.is_met else 'NOT MET'}"
-        print(f"{one.what:<46}{one.ours:>10.2f} {one.unit:<4}{bar:<16}{one.note}")
+        print(f"{one.what:<46}{one.measured:>14} {bar:<16}{one.note}")
 
 
 if __name__ == "__main__":
