@@ -74,7 +74,7 @@ _RECKONED_MIN: dict[str, tuple[float, ...]] = {
     "real-time": (5.0,),
     "real-time-loop": (4.0,),
     "smoother": (4.0, 2.0, 3.0, 3.0),
-    "speed": (6.0, 7.0, 6.0, 2.0, 0.5, 3.0),
+    "speed": (6.0, 7.0, 6.0, 2.0, 0.5, 3.0, 1.5),
     "tasaki2010": (90.0,),
     "toth2015": (14.0,),
     "trust": (15.0,),
