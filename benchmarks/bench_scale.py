@@ -193,8 +193,7 @@ def main() -> None:
         print(json.dumps([asdict(one) | {"met": one.is_met} for one in figures], indent=1))
         return
     for one in figures:
-        bar = "" if one.bar is None else f"bar {one.bar:g} {'met' if one.is_met else 'NOT MET'}"
-        print(f"{one.what:<46}{one.measured:>14} {bar:<16}{one.note}")
+        print(f"{one.what:<46}{one.measured:>14}  {_bar(one):<20}{one.note}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Where the time of whole runs goes, as flame pictures.
 
-    python benchmarks/flames.py --out DIR [--only husky,demo]
+    python benchmarks/flames.py --out DIR [--only husky,ground]
 
 py-spy (`pip install py-spy`) looks at each run 200 times a second: the wider a box, the longer its function was at work
 or waited for what it called, which stands below it. Functions of other languages are part of the Python function that
@@ -22,45 +22,38 @@ TOP = Path(__file__).resolve().parents[1]
 _RATE_HZ = 200
 _NARROW = re.compile(r'<g><title>[^<]*</title><rect x="[^"]*" y="[^"]*" width="0\.[01]\d*%".*?</g>')
 _TITLE = re.compile(r'(<text id="title"[^>]*>)[^<]*<')  # py-spy shows its command line, with folders of this machine
-#: Name of the picture: what it shows, and the config that is run.
-RUNS: dict[str, tuple[str, str]] = {
-    "husky": ("The Husky bag: wheels, an inertial unit and `kalman`", "examples/real/husky_bag.yaml"),
-    "mrclam": ("MRCLAM: wheels and dead reckoning", "examples/real/mrclam_odometry.yaml"),
-    "tum": ("TUM fr1_rpy: landmarks and ORB, decoded beside", "examples/real/tum_rgbd.yaml"),
-    "ground": ("A simulated floor at 70 pictures a second: `ground_vo`, wheels and `kalman`", "ground.yaml"),
-}
 _GROUND = """\
 sources:
   robot: {plugin: sim, world: ground_course, route: indoor, sensors: [floor, wheels], duration_s: 20}
 localizers: {wheels: {plugin: odometry}, floor: {plugin: ground_vo}}
 estimator: {plugin: kalman}
 """
+#: Name of the picture: what it shows, and the example that is run or the text of its config.
+RUNS: dict[str, tuple[str, Path | str]] = {
+    "husky": ("The Husky bag: wheels, an inertial unit and kalman", TOP / "examples/real/husky_bag.yaml"),
+    "mrclam": ("MRCLAM: wheels and dead reckoning", TOP / "examples/real/mrclam_odometry.yaml"),
+    "tum": ("TUM fr1_rpy: landmarks and ORB, decoded beside", TOP / "examples/real/tum_rgbd.yaml"),
+    "ground": ("A simulated floor at 70 pictures a second: ground_vo, wheels and kalman", _GROUND),
+}
 
 
-def draw(name: str, out: Path) -> str:
+def draw(name: str, spy: str, out: Path) -> str:
     """Run a config twice, the second time under py-spy; return the Markdown of its picture."""
     what, config = RUNS[name]
+    picture = out / f"{name}.svg"
     with tempfile.TemporaryDirectory() as folder:
-        if not (TOP / config).exists():
-            Path(folder, config).write_text(_GROUND, encoding="utf-8")
-            config = str(Path(folder, config))
-        command = str(Path(sys.executable).with_name("trailmark"))
-        trailmark = [sys.executable, command, "run", config, "--no-report", "--out"]
-        subprocess.run([*trailmark, str(Path(folder, "warm"))], cwd=TOP, check=True, stdout=subprocess.DEVNULL)
-        picture = out / f"{name}.svg"
-        spy = [_spy(), "record", "--function", "--rate", str(_RATE_HZ), "--output", str(picture), "--"]
-        ran = [*spy, *trailmark, str(Path(folder, "run"))]
-        subprocess.run(ran, cwd=TOP, check=True, stdout=sys.stderr)
+        if isinstance(config, str):
+            Path(folder, "config.yaml").write_text(config, encoding="utf-8")
+            config = Path(folder, "config.yaml")
+        command = [sys.executable, str(Path(sys.executable).with_name("trailmark"))]
+        command += ["run", str(config), "--no-report", "--out"]
+        record = [spy, "record", "--function", "--rate", str(_RATE_HZ), "--output", str(picture), "--"]
+        for ran in ([*command, str(Path(folder, "warm"))], [*record, *command, str(Path(folder, "run"))]):
+            if code := subprocess.run(ran, cwd=TOP, stdout=subprocess.DEVNULL, check=False).returncode:
+                sys.exit(f"{name}: {' '.join(ran)} ended with code {code}; what it said stands above")
     text = _NARROW.sub("", picture.read_text(encoding="utf-8"))
-    picture.write_text(_TITLE.sub(rf"\g<1>{what.replace('`', '')}<", text), encoding="utf-8")
-    return f"{what}:\n\n![{what.replace('`', '')}: how long each function took]({picture.name})\n"
-
-
-def _spy() -> str:
-    beside = Path(sys.executable).with_name("py-spy")
-    if found := shutil.which(str(beside)) or shutil.which("py-spy"):
-        return found
-    sys.exit("py-spy draws the pictures, and is not installed: pip install py-spy")
+    picture.write_text(_TITLE.sub(rf"\g<1>{what}<", text), encoding="utf-8")
+    return f"{what}:\n\n![{what}: how long each function took]({picture.name})\n"
 
 
 def main() -> None:
@@ -74,8 +67,11 @@ def main() -> None:
         parser.error(f"--only: no run is called {', '.join(unknown)}; there are {', '.join(RUNS)}")
     if not os.environ.get("TRAILMARK_DATA"):
         parser.error("set TRAILMARK_DATA to the folder of the recordings")
+    spy = shutil.which("py-spy", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+    if spy is None:
+        parser.error("py-spy draws the pictures, and is not installed: pip install py-spy")
     options.out.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(draw(name, options.out) for name in names)
+    text = "\n".join(draw(name, spy, options.out) for name in names)
     (options.out / "flames.md").write_text(text, encoding="utf-8")
 
 
