@@ -4,6 +4,7 @@
     python benchmarks/bench_grand.py ranking           methods over all conditions
     python benchmarks/bench_grand.py winners           who wins where
     python benchmarks/bench_grand.py silent            who was wrong without saying so, and where it was worst
+    python benchmarks/bench_grand.py honest            squared errors in units of what was stated: too sure, too humble
     python benchmarks/bench_grand.py failed            which methods gave nothing, where, and why
     python benchmarks/bench_grand.py figures MATRIX... [--metric NAME]    the medians of matrices
     python benchmarks/bench_grand.py aces              ways through ACES by relations, beside published ones
@@ -38,6 +39,7 @@ from trailmark_bench.tables import bench_tables, metric_title, scaled_column, va
 from trailmark_bench.winners import winners_table
 
 RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results" / "grand" / "cells.json.xz"
+HONEST = 0.2, 5.0  # NEES a degree of freedom: the stated standard deviations are right within a factor of 2.2
 # Table I of Kuemmerle et al. (2009), ACES: mean and standard deviation of the translation [m].
 PUBLISHED = {"scan matching": (0.173, 0.614), "particle filter, 50 particles": (0.060, 0.049), "graph": (0.044, 0.044)}
 
@@ -114,15 +116,8 @@ def _figure(entry: MethodResult | None, metric: Metric, per_unit: float, *, is_b
 
 def silent_table(records: Sequence[CellRecord]) -> Table:
     """Return for each method in how many cells an estimate was wrong and said to be right, and where most were."""
-    metric = _metric("silent", records)
-    shares: dict[str, dict[str, list[float]]] = {}
-    namer = Namer(records)
-    for record in records:
-        value = metric.value_of(record) if record.state == "ok" else None
-        if value is not None:
-            shares.setdefault(namer.method(record), {}).setdefault(namer.condition(record), []).append(value)
     rows = []
-    for method, found in sorted(shares.items()):
+    for method, found in _by_method(records, "silent"):
         every = [share for several in found.values() for share in several]
         worst = max(found, key=lambda condition: median(found[condition]))
         share = median(found[worst])
@@ -130,6 +125,32 @@ def silent_table(records: Sequence[CellRecord]) -> Table:
         rows.append((method, str(len(every)), str(n_silent), f"{100 * share:.3g}", worst if share else ""))
     heads = ("method", "cells", "with a silent error", "worst condition: share of estimates [%]", "which")
     return Table(tuple(Column(head, is_number=head not in ("method", "which")) for head in heads), tuple(rows))
+
+
+def honest_table(records: Sequence[CellRecord]) -> Table:
+    """Return for each method how its squared errors compare with the stated covariances, condition by condition."""
+    rows = []
+    for method, found in _by_method(records, "nees_per_dof"):
+        each = {condition: median(values) for condition, values in found.items()}
+        least, most = min(each, key=each.__getitem__), max(each, key=each.__getitem__)
+        n_honest = sum(HONEST[0] <= value <= HONEST[1] for value in each.values())
+        numbers = f"{median(each.values()):.3g}", f"{each[least]:.3g}", f"{each[most]:.3g}"
+        rows.append((method, str(len(each)), str(n_honest), *numbers, least, most))
+    low, high = HONEST
+    numbers = ("conditions", f"from {low:g} to {high:g}", "median", "least", "most")
+    columns = (Column("method", is_number=False), *map(Column, numbers))
+    return Table((*columns, *(Column(head, is_number=False) for head in ("least where", "most where"))), tuple(rows))
+
+
+def _by_method(records: Sequence[CellRecord], name: str) -> list[tuple[str, dict[str, list[float]]]]:
+    """Return the values of a quantity by method and condition, in the order of the methods' names."""
+    metric, namer = _metric(name, records), Namer(records)
+    values: dict[str, dict[str, list[float]]] = {}
+    for record in records:
+        value = metric.value_of(record) if record.state == "ok" else None
+        if value is not None:
+            values.setdefault(namer.method(record), {}).setdefault(namer.condition(record), []).append(value)
+    return sorted(values.items())
 
 
 def failure_table(records: Sequence[CellRecord]) -> Table:
@@ -195,6 +216,8 @@ def tables_of(options: argparse.Namespace) -> Iterable[Table]:
                     return [table for table in found if table.columns[0].title == "method"]
                 case "silent":
                     return [silent_table(records)]
+                case "honest":
+                    return [honest_table(records)]
                 case "failed":
                     return [failure_table(records)]
             matrices = options.matrices or list(dict.fromkeys(record.matrix for record in records))
@@ -204,7 +227,7 @@ def tables_of(options: argparse.Namespace) -> Iterable[Table]:
 def main() -> None:
     """Print tables as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["run", "ranking", "winners", "silent", "failed", "figures", "aces"])
+    parser.add_argument("what", choices=["run", "ranking", "winners", "silent", "honest", "failed", "figures", "aces"])
     parser.add_argument("matrices", nargs="*", metavar="MATRIX")
     parser.add_argument("--metric", default="ate_rmse_m")
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FILE")

@@ -65,3 +65,21 @@ def test_the_best_of_a_row_is_bold_and_failures_are_counted(printed: Callable[..
 )
 def test_every_block_has_a_table(printed: Callable[..., str], what: str, said: str) -> None:
     assert said in printed(what)
+
+
+def test_a_method_that_states_too_little_is_named_with_the_condition(
+    printed: Callable[..., str], grand: ModuleType, tmp_path: Path, synthetic: Callable[..., Index]
+) -> None:
+    with synthetic(tmp_path / "stated") as index:
+        records = index.records()
+        for record in records:
+            is_sure = record.coordinates["localizer"] == "method_1" and record.coordinates["source"] == "world_2"
+            record.result["metrics"] = {"nees_per_dof[n=9,dof=27]": 40.0 if is_sure else 0.9}
+        table = grand.honest_table(records)
+
+    assert [column.title for column in table.columns[:3]] == ["method", "conditions", "from 0.2 to 5"]
+    assert [row[:6] for row in table.rows[:2]] == [
+        ("method_0", "3", "3", "0.9", "0.9", "0.9"),
+        ("method_1", "3", "2", "0.9", "0.9", "40"),
+    ]
+    assert table.rows[1][-1] == "world_2"

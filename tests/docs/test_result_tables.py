@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
+
+from trailmark.arrays import Floats
+from trailmark.evaluation.estimates_table import EstimateTable
+from trailmark.geometry import Trajectory
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +71,57 @@ def test_only_what_was_measured_of_a_drive_stands_in_its_line(load_script: Calla
     assert lines[2] == "| street, same light | `divs` | 0.200 | 0.290 | 100.0 % | 100.0 % | met |"
     assert lines[3].endswith("| 100.0 % | 100.0 % |  |")  # no bar is asked of a peer
     assert lines[-1] == "| street, unknown start | 50.0 % | 25.0 % | 4 |"
+
+
+@pytest.fixture(scope="module")
+def noise_told(load_script: Callable[[str], ModuleType]) -> ModuleType:
+    return load_script("benchmarks/noise_told.py")
+
+
+def test_motions_that_err_by_what_they_state_have_a_nees_of_one_over_a_second(noise_told: ModuleType) -> None:
+    rng = np.random.default_rng(3)
+    stamps_s = np.arange(401) / 10.0
+    truth = Trajectory(stamps_s, np.column_stack([0.3 * stamps_s, np.zeros((401, 2))]))
+    sigmas = np.array([0.002, 0.001, 0.003])
+
+    def nees(errs_more: float) -> float:
+        steps = np.array([0.03, 0.0, 0.0]) + errs_more * sigmas * rng.standard_normal((400, 3))
+        return float(noise_told.chained_nees(motions_table(stamps_s, steps, np.diag(1.0 / sigmas**2)), truth))
+
+    assert nees(1.0) == pytest.approx(1.0, abs=0.4)
+    assert nees(3.0) == pytest.approx(9.0, abs=3.0)
+    assert math.isnan(noise_told.chained_nees(motions_table(stamps_s[:1], np.empty((0, 3)), np.eye(3)), truth))
+
+
+def motions_table(stamps_s: Floats, steps: Floats, information: Floats) -> EstimateTable:
+    """Return motions from each stamp to the next as the estimates of a run."""
+    n = len(steps)
+    words = {name: np.array([word] * n) for name, word in
+             (("source", "wheels"), ("kind", "motion"), ("outcome", "accepted"), ("reason", ""))}  # fmt: skip
+    return EstimateTable(
+        arrived_s=stamps_s[1:], since_s=stamps_s[:-1], stamp_s=stamps_s[1:], numbers=steps,
+        information=np.tile(information, (n, 1, 1)), nis=np.full(n, np.nan), dof=np.full(n, 3.0), **words,
+    )  # fmt: skip
+
+
+def test_a_localizer_is_judged_by_itself_and_with_the_scale_that_was_learned(noise_told: ModuleType) -> None:
+    rows = [
+        noise_told.Row("klt", "street", 1, 9, 40.0, 4.0, 2.0),
+        noise_told.Row("klt", "street", 2, 9, 30.0, 8.0, 1.0),
+        noise_told.Row("omni_surf", "street", 1, 9, 1.0, math.nan, 1.0),
+    ]
+
+    lines = noise_told.table(rows)
+
+    assert lines[0] == "2 places (0 x supermarket, 2 x street, 0 x lab), 0 drives."
+    assert lines[4] == "| `klt` | 2 | 35 | 30, 40 | 0 of 2 | 6 | 4, 8 | 1 of 2 | 1.00 to 2.00 | 4.5 | 1 of 2 |"
+    assert lines[5] == "| `omni_surf` | 1 | 1 | 1, 1 | 1 of 1 |  |  |  | 1.00 | 1 | 1 of 1 |"
+
+
+def test_only_who_has_its_sensor_takes_part(noise_told: ModuleType) -> None:
+    lab = noise_told.config("lab", 1, 1, "replay")
+
+    assert {"odometry", "imu", "laser_icp", "kinect_motion", "orb_rgbd"} <= {*lab["localizers"]}
+    assert not {"ground_vo", "omni_surf", "divs"} & {*lab["localizers"]}
+    assert lab["estimator"]["use"] == ["odometry"]
+    assert not {"orb_rgbd"} & {*noise_told.config("street", 1, 1, "teach")["localizers"]}
