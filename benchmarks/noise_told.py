@@ -49,6 +49,8 @@ LOCALIZERS: dict[str, dict[str, Any]] = {
     **{name: {"camera": "rgbd"} for name in ("kinect_motion", "kinect_flow", "orb_rgbd")},
     **{name: {"camera": "front"} for name in ("divs", "column_ncc", "patch_ncc", "phase_shift")},
 }
+#: Who moves the belief that places are taught with.
+DRIVEN_BY = ("odometry", "imu", "ground_vo", "laser_icp")
 #: Who is always told: another localizer is judged beside these.
 BESIDE = ("odometry", "ground_vo", "laser_icp")
 #: What NEES a degree of freedom should be by itself, and after its scale is learned.
@@ -132,7 +134,7 @@ def config(name: str, place: int, seed: int, mode: str) -> dict[str, Any]:
             }
         },
         "localizers": {name: {"plugin": name, **keys} for name, keys in localizers.items()},
-        "estimator": {"plugin": "kalman", "use": [name for name in ("odometry", "ground_vo") if name in localizers]},
+        "estimator": {"plugin": "kalman", "use": [name for name in DRIVEN_BY if name in localizers]},
         "path_store": {"plugin": "sqlite", "spacing_m": 0.05},
         "start": "first" if mode == "replay" else list(world.start),
         "pace": "step",

@@ -123,5 +123,5 @@ def test_only_who_has_its_sensor_takes_part(noise_told: ModuleType) -> None:
 
     assert {"odometry", "imu", "laser_icp", "kinect_motion", "orb_rgbd"} <= {*lab["localizers"]}
     assert not {"ground_vo", "omni_surf", "divs"} & {*lab["localizers"]}
-    assert lab["estimator"]["use"] == ["odometry"]
+    assert lab["estimator"]["use"] == ["odometry", "imu", "laser_icp"]
     assert not {"orb_rgbd"} & {*noise_told.config("street", 1, 1, "teach")["localizers"]}
