@@ -19,6 +19,7 @@ import platform
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from sys import modules
@@ -46,21 +47,41 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """What was seen each minute: stamp, memory, processor time a frame, way since the last fix [s, MB, s, m]; counts."""
+
+    rows: np.ndarray
+    last_s: float
+    n_back: int
+    n_lost: int
+    counters: dict[str, int]
+    frames_mb: float
+
+
 def main() -> None:
     """Drive and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=6.0, help="simulated")
     parser.add_argument("--until", type=float, default=math.inf, help="stop after so many seconds of this machine")
-    parser.add_argument("--data", type=Path, help="folder that keeps the taught store")
+    parser.add_argument("--data", type=Path, help="folder that keeps the taught way, for the next time")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        text = page(drive(options.data or Path(temporary), options.hours, options.until), options.hours)
+    print(text)
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+
+
+def drive(folder: Path, hours: float, until_s: float) -> Drive:
+    """Drive for so many simulated hours, or seconds of this machine, and return what was seen every minute."""
     cv2.setNumThreads(1)
-    folder = options.data or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(1, get_context("spawn")) as simulator:
-        store, file = simulator.submit(rendered, folder).result()
-    plugins, frames_mb = playing(file)
-    written = _with_used(config("replay", {"plugin": "remembered", "duration_s": 3600.0 * options.hours}, False))
+        store, file = simulator.submit(render_drive, folder).result()
+    plugins, frames_mb = read_frames(file)
+    written = _with_used(config("replay", {"plugin": "remembered", "duration_s": 3600.0 * hours}, False))
     rows, last_s, n_back, n_lost = [], -math.inf, 0, 0
     began_s = time.perf_counter()
     with Pipeline(written | {"pace": "step"}, store=store, mode="replay", plugins=plugins) as pipeline:
@@ -76,16 +97,13 @@ def main() -> None:
                 next_s = step.stamp_s + 60.0
                 if len(rows) % 10 == 1:
                     print(f"{step.stamp_s / 60:.0f} min: {rows[-1][1]:.1f} MB, {1e3 * rows[-1][2]:.2f} ms", flush=True)
-                if time.perf_counter() - began_s > options.until:
+                if time.perf_counter() - began_s > until_s:
                     break
         counters = dict(pipeline.counters)
-    text = page(np.array(rows), last_s, n_back, n_lost, counters, options.hours, frames_mb)
-    print(text)
-    if options.out:
-        options.out.write_text(text, encoding="utf-8")
+    return Drive(np.array(rows), last_s, n_back, n_lost, counters, frames_mb)
 
 
-def rendered(folder: Path) -> tuple[Path, Path]:
+def render_drive(folder: Path) -> tuple[Path, Path]:
     """Teach the way and drive it again; return the store, and a file of what the sensors gave."""
     store, file = taught(folder), folder / "frames.pickle"
     source = {**MARKET, "sensors": list(RATES_HZ), "rates_hz": RATES_HZ, "duration_s": 20.0}
@@ -94,22 +112,25 @@ def rendered(folder: Path) -> tuple[Path, Path]:
     return store, file
 
 
-def playing(file: Path) -> tuple[Plugins, float]:
+def read_frames(file: Path) -> tuple[Plugins, float]:
     """Return plugins of which one plays the frames of a file, and how much the frames hold [MB]."""
     plugins = load_plugins(files=[remembered.__file__])
-    kept: Kept = pickle.loads(file.read_bytes())
+    before_mb = resident_mb()
+    with file.open("rb") as opened:
+        kept: Kept = pickle.load(opened)
+    file.unlink()
     modules["trailmark_file_remembered"].KEPT.append(kept)
-    return plugins, file.stat().st_size / 1e6
+    return plugins, resident_mb() - before_mb
 
 
 def _with_used(written: dict[str, Any]) -> dict[str, Any]:
     return written | {"localizers": {name: written["localizers"][name] for name in USED}}
 
 
-def page(
-    rows: np.ndarray, last_s: float, n_back: int, n_lost: int, counters: dict[str, int], hours: float, frames_mb: float
-) -> str:
+def page(drive: Drive, hours: float) -> str:
     """Return the results as a page."""
+    rows, last_s, counters = drive.rows, drive.last_s, drive.counters
+    paragraphs = [" ".join(paragraph.split()) for paragraph in str(__doc__).split("\n\n")]
     warm = rows[rows[:, 0] >= min(WARM_S, 0.5 * last_s)]
     growth = 100 * (warm[-1, 1] / warm[0, 1] - 1)
     hour_mb = (warm[-1, 1] - warm[0, 1]) / max(1e-9, warm[-1, 0] - warm[0, 0]) * 3600
@@ -125,14 +146,14 @@ def page(
             f"`python benchmarks/long_run.py --hours {hours:g}`, {time.strftime('%Y-%m-%d')}, "
             f"trailmark {trailmark.__version__}, Python {platform.python_version()}, {os.cpu_count()} x {cpu_model()}.",
             "",
-            " ".join(str(__doc__).split("\n\n")[1].split()),
+            f"{paragraphs[1]} {paragraphs[-1]}",
             "",
             f"**{asked}{last_s / 60:.1f} simulated minutes were driven**, {counters.get('frames', 0)} frames.",
             "",
             f"- Memory from {warm[0, 0] / 60:.0f} min on: {warm[0, 1]:.1f} to {warm[-1, 1]:.1f} MB, {growth:+.2f} % "
             f"({hour_mb:+.1f} MB an hour; bar: less than 1 % after the first 10 minutes). "
-            f"Of it {frames_mb:.0f} MB are the frames that are played.",
-            f"- Stamps that went back: {n_back}. Steps without a pose: {n_lost}.",
+            f"Of it {drive.frames_mb:.0f} MB are the frames that are played.",
+            f"- Stamps that went back: {drive.n_back}. Steps without a pose: {drive.n_lost}.",
             f"- Processor time of a frame, median of minutes: {early:.3f} ms in the first half, {late:.3f} ms "
             "in the second.",
             "- Counted: "

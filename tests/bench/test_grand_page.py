@@ -61,7 +61,12 @@ def test_the_best_of_a_row_is_bold_and_failures_are_counted(printed: Callable[..
 
 @pytest.mark.parametrize(
     ("what", "said"),
-    [("ranking", "| method | ok |"), ("winners", "| condition | best |"), ("failed", "ended by SIGSEGV")],
+    [
+        ("ranking", "| method | ok |"),
+        ("winners", "| condition | best |"),
+        ("failed", "ended by SIGSEGV"),
+        ("honest", "| method | conditions | from 0.2 to 5 |"),
+    ],
 )
 def test_every_block_has_a_table(printed: Callable[..., str], what: str, said: str) -> None:
     assert said in printed(what)

@@ -84,12 +84,13 @@ def test_motions_that_err_by_what_they_state_have_a_nees_of_one_over_a_second(no
     truth = Trajectory(stamps_s, np.column_stack([0.3 * stamps_s, np.zeros((401, 2))]))
     sigmas = np.array([0.002, 0.001, 0.003])
 
-    def nees(errs_more: float) -> float:
+    def nees(errs_more: float, is_measured: tuple[int, int, int] = (1, 1, 1)) -> float:
         steps = np.array([0.03, 0.0, 0.0]) + errs_more * sigmas * rng.standard_normal((400, 3))
-        return float(noise_told.chained_nees(motions_table(stamps_s, steps, np.diag(1.0 / sigmas**2)), truth))
+        return float(noise_told.chained_nees(motions_table(stamps_s, steps, np.diag(is_measured / sigmas**2)), truth))
 
     assert nees(1.0) == pytest.approx(1.0, abs=0.4)
     assert nees(3.0) == pytest.approx(9.0, abs=3.0)
+    assert nees(1.0, (0, 0, 1)) == pytest.approx(1.0, abs=0.5)  # of one degree of freedom, not of three
     assert math.isnan(noise_told.chained_nees(motions_table(stamps_s[:1], np.empty((0, 3)), np.eye(3)), truth))
 
 
@@ -106,16 +107,47 @@ def motions_table(stamps_s: Floats, steps: Floats, information: Floats) -> Estim
 
 def test_a_localizer_is_judged_by_itself_and_with_the_scale_that_was_learned(noise_told: ModuleType) -> None:
     rows = [
-        noise_told.Row("klt", "street", 1, 9, 40.0, 4.0, 2.0),
-        noise_told.Row("klt", "street", 2, 9, 30.0, 8.0, 1.0),
-        noise_told.Row("omni_surf", "street", 1, 9, 1.0, math.nan, 1.0),
+        noise_told.Row("klt", "street", 1, 1, 40.0, 4.0, noise_told.Scale(2.0, False)),
+        noise_told.Row("klt", "street", 2, 1, 30.0, 8.0, noise_told.Scale(1.0, True)),
+        noise_told.Row("klt", "supermarket", 1, 1, 2.0, 1.0, noise_told.Scale(1.0, True)),
+        noise_told.Row("omni_surf", "street", 1, 1, math.nan, math.nan, None),
+        noise_told.Row("divs", "street", 1, 1, 1.0, math.nan, None),
     ]
 
     lines = noise_told.table(rows)
 
-    assert lines[0] == "2 places (0 x supermarket, 2 x street, 0 x lab), 0 drives."
-    assert lines[4] == "| `klt` | 2 | 35 | 30, 40 | 0 of 2 | 6 | 4, 8 | 1 of 2 | 1.00 to 2.00 | 4.5 | 1 of 2 |"
-    assert lines[5] == "| `omni_surf` | 1 | 1 | 1, 1 | 1 of 1 |  |  |  | 1.00 | 1 | 1 of 1 |"
+    assert lines[0] == "3 places (1 x supermarket, 2 x street, 0 x lab), 3 drives."
+    assert lines[4:8] == [
+        "| `klt` | supermarket | 1 | 2 | 2, 2 | 1 of 1 | 1 | 1, 1 | 1 of 1 | 1.00 | 1 | 1 of 1 |",
+        "| `klt` | street | 2 | 35 | 30, 40 | 0 of 2 | 6 | 4, 8 | 1 of 2 | 1.00 to 2.00 * | 4.5 | 1 of 2 |",
+        "| `omni_surf` | street | 1 |  |  |  |  |  |  |  |  |  |",
+        "| `divs` | street | 1 | 1 | 1, 1 | 1 of 1 |  |  |  |  |  |  |",
+    ]
+
+
+def test_a_scale_that_has_just_changed_is_not_settled(noise_told: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Rises:
+        """Learns a scale of 2 when it is told of what arrives at 18 s."""
+
+        def __init__(self, config: object) -> None:
+            self.factor = 1.0
+
+        def start(self, session: object) -> None:
+            """Begin."""
+
+        def apply(self, source: str, arrived_s: float) -> None:
+            self.factor = 2.0 if arrived_s >= 18.0 else 1.0
+
+        def noise_scales(self) -> dict[str, float]:
+            return {"klt": self.factor}
+
+    monkeypatch.setattr(noise_told, "Kalman", Rises)
+
+    def scale(until_s: float) -> object:
+        return noise_told.learned_scale("klt", [(float(s), "klt", float(s)) for s in range(int(until_s) + 1)], None)
+
+    assert scale(20.0) == noise_told.Scale(2.0, False)
+    assert scale(30.0) == noise_told.Scale(2.0, True)
 
 
 def test_only_who_has_its_sensor_takes_part(noise_told: ModuleType) -> None:
@@ -124,4 +156,10 @@ def test_only_who_has_its_sensor_takes_part(noise_told: ModuleType) -> None:
     assert {"odometry", "imu", "laser_icp", "kinect_motion", "orb_rgbd"} <= {*lab["localizers"]}
     assert not {"ground_vo", "omni_surf", "divs"} & {*lab["localizers"]}
     assert lab["estimator"]["use"] == ["odometry", "imu", "laser_icp"]
-    assert not {"orb_rgbd"} & {*noise_told.config("street", 1, 1, "teach")["localizers"]}
+    assert "orb_rgbd" not in noise_told.config("street", 1, 1, "teach")["localizers"]
+
+
+def test_no_two_drives_have_the_same_noise(noise_told: ModuleType) -> None:
+    seeds = [noise_told.config("lab", place, seed, "replay")["seed"] for place in range(1, 6) for seed in range(4)]
+
+    assert len({*seeds}) == len(seeds)
