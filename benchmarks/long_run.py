@@ -49,7 +49,7 @@ def resident_mb() -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """What was seen each minute: stamp, memory, processor time a frame, way since the last fix [s, MB, s, m]; counts."""
+    """What was seen each minute [s, MB, s a frame, m since a fix], and what was counted."""
 
     rows: np.ndarray
     last_s: float
