@@ -134,12 +134,11 @@ def honest_table(records: Sequence[CellRecord]) -> Table:
         each = {condition: median(values) for condition, values in found.items()}
         least, most = min(each, key=each.__getitem__), max(each, key=each.__getitem__)
         n_honest = sum(HONEST[0] <= value <= HONEST[1] for value in each.values())
-        numbers = f"{median(each.values()):.3g}", f"{each[least]:.3g}", f"{each[most]:.3g}"
-        rows.append((method, str(len(each)), str(n_honest), *numbers, least, most))
-    low, high = HONEST
-    numbers = ("conditions", f"from {low:g} to {high:g}", "median", "least", "most")
-    columns = (Column("method", is_number=False), *map(Column, numbers))
-    return Table((*columns, *(Column(head, is_number=False) for head in ("least where", "most where"))), tuple(rows))
+        values = f"{median(each.values()):.3g}", f"{each[least]:.3g}", f"{each[most]:.3g}"
+        rows.append((method, str(len(each)), str(n_honest), *values, least, most))
+    words = ("method", "least where", "most where")
+    heads = (words[0], "conditions", f"from {HONEST[0]:g} to {HONEST[1]:g}", "median", "least", "most", *words[1:])
+    return Table(tuple(Column(head, is_number=head not in words) for head in heads), tuple(rows))
 
 
 def _by_method(records: Sequence[CellRecord], name: str) -> list[tuple[str, dict[str, list[float]]]]:

@@ -73,7 +73,7 @@ def test_every_block_has_a_table(printed: Callable[..., str], what: str, said: s
 
 
 def test_a_method_that_states_too_little_is_named_with_the_condition(
-    printed: Callable[..., str], grand: ModuleType, tmp_path: Path, synthetic: Callable[..., Index]
+    grand: ModuleType, tmp_path: Path, synthetic: Callable[..., Index]
 ) -> None:
     with synthetic(tmp_path / "stated") as index:
         records = index.records()
