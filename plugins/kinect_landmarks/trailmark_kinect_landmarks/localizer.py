@@ -21,6 +21,7 @@ from trailmark_kinect_landmarks.camera import LandmarkCamera, alignment_limits
 from trailmark_kinect_landmarks.colour import Light
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.depth import as_scan
+from trailmark_kinect_landmarks.doubts import Doubts
 from trailmark_kinect_landmarks.effort import Effort
 from trailmark_kinect_landmarks.expectation import Expectation
 from trailmark_kinect_landmarks.eye import LandmarkDetector, PreparedImage
@@ -28,13 +29,13 @@ from trailmark_kinect_landmarks.fuzzy import SearchPlan
 from trailmark_kinect_landmarks.landmarks import TrackedLandmarks
 from trailmark_kinect_landmarks.memory import Anchor, LandmarkMemory, MemoryLimits
 from trailmark_kinect_landmarks.paper_numbers import paper_numbers
-from trailmark_kinect_landmarks.place_likeness import place_likeness
 from trailmark_kinect_landmarks.registration import Registration
 from trailmark_kinect_landmarks.solver import PoseSolver, Solved
 from trailmark_kinect_landmarks.stages import StagePictures
 from trailmark_kinect_landmarks.systematic import motion_systematic, systematic_covariance
 from trailmark_kinect_landmarks.tracker import Tracker
 from trailmark_kinect_landmarks.watch import DepthWatch
+from trailmark_kinect_landmarks.whereabouts import restart_covariance
 
 __all__ = ["KinectLandmarks", "KinectMotion"]
 
@@ -45,8 +46,6 @@ _LIGHT = "light"
 _REGISTRATION = "registration"
 #: Of a fix however many landmarks agree: what all of them share (calibration, stamps).
 _FLOOR = np.diag([0.003**2, 0.003**2, 0.0015**2])
-#: Of a pose at which landmarks are remembered anew after a while without any.
-_RESTART = np.diag([0.3**2, 0.3**2, 0.35**2])
 _START_LANDMARKS = 3
 
 
@@ -71,7 +70,8 @@ class KinectLandmarks(Localizer):
         self._stages = StagePictures(config.debug_images) if config.debug_images else None
         self._light: float | None = None
         self._scan: Scan | None = None
-        self._expectation = Expectation()
+        self._expectation, self._is_assumed = Expectation(), False
+        self._doubts = Doubts(config, self._memory, self._camera, self._solver)
         self._start_pose: Pose2 | None = None
         self._told: tuple[float, Pose2, Floats] | None = None
         self._counts = {"lost": 0, "restarts": 0, "relocalized": 0, "registered": 0}
@@ -96,6 +96,7 @@ class KinectLandmarks(Localizer):
         plan = self._effort.plan()
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
         is_expected = self._is_expected(stamp_s)
+        self._doubts.whereabouts.follow(belief)
         self._watch.look_at_depths(picture.registered_m)
         predicted = self._expectation.pose(stamp_s) if is_expected else None
         again, others, done = self._tracker.look(picture, plan, predicted)
@@ -107,17 +108,20 @@ class KinectLandmarks(Localizer):
         solved = self._solver.solve(again, expected)
         if isinstance(solved, Refusal):
             self._effort.note_picture(picture, done, len(again), 0)
-            return [self._report_lost(stamp_s, solved.reason, again, others, belief)]
-        doubt = self._doubt(solved, again, picture)
+            return [self._report_lost(stamp_s, solved.reason, again, others, picture, belief)]
+        is_sure = is_expected and not self._is_assumed
+        doubt = "" if is_sure else self._doubt(solved, again, picture, belief)
         if doubt:
             self._effort.note_picture(picture, done, len(again), 0)
-            return [self._report_lost(stamp_s, doubt, again, others, belief)]
+            return [self._report_lost(stamp_s, doubt, again, others, picture, belief)]
         self._effort.note_picture(picture, done, len(again) + len(others), len(solved.agreeing))
         is_surprise = self._expectation.is_surprised(stamp_s, solved.T_map_base)
         rows = self._tracker.learn(stamp_s, solved, again, others, is_doubtful=is_surprise)
         self._remember(stamp_s, belief, solved.T_map_base, rows)
         self._counts["relocalized"] += expected is None
         self._expectation.took(stamp_s, solved.T_map_base)
+        self._is_assumed = False
+        self._doubts.whereabouts.begin(Pose3.from_matrix(solved.T_map_base).planar(), belief)
         if self._stages is not None:
             self._stages.write(stamp_s, picture, solved.agreeing, self._camera)
         answers = self._answer(stamp_s, solved, picture)
@@ -183,6 +187,7 @@ class KinectLandmarks(Localizer):
         self._start_pose = self._session.start_pose or Pose2()
         if self._session.start_pose is not None and self.config.solve == "plane":
             self._expectation.begin(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())
+            self._is_assumed = True
 
     def _begin(self, stamp_s: float, others: TrackedLandmarks, belief: Belief) -> Sequence[Estimate]:
         """Remember what is seen from the start; only if it could carry a pose."""
@@ -197,6 +202,7 @@ class KinectLandmarks(Localizer):
         self._remember(stamp_s, belief, T_map_base, rows)
         self._start_pose = pose
         self._expectation.begin(stamp_s, T_map_base)
+        self._doubts.whereabouts.begin(pose, belief)
         self._told = (stamp_s, pose, np.zeros((3, 3)))
         return ()
 
@@ -216,36 +222,34 @@ class KinectLandmarks(Localizer):
         if self._expectation.last is not None:
             self._expectation.begin(*self._expectation.last)
 
-    def _doubt(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage) -> str:
-        """Return why a pose is not believed to be in the taught place; nothing where one is expected: last, or told."""
-        needed = self.config.min_agreeing
-        if not self._memory.is_taught.any() or self._expectation.last is not None:
-            return ""
-        n = self._solver.n_taught(solved, again)
-        if n < needed:
-            return f"{n} taught landmarks agree on a place, {needed} are needed: it may be another"
-        likeness, asked = (
-            place_likeness(self._memory, self._camera, picture, solved.T_map_base),
-            self.config.place_alike,
-        )
-        if likeness is not None and likeness < asked:
-            return f"what should be seen there looks alike to {likeness:.2f}, not {asked:.2f}: it may be another place"
-        return ""
+    def _doubt(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage, belief: Belief) -> str:
+        """Return why a pose that was not followed from picture to picture is not believed; nothing where it is."""
+        last = self._expectation.last if self._is_assumed else None
+        assumed = None if last is None else Pose3.from_matrix(last[1]).planar()
+        return self._doubts.of(solved, again, picture, belief, assumed)
 
     def _report_lost(
-        self, stamp_s: float, reason: str, again: TrackedLandmarks, others: TrackedLandmarks, belief: Belief
+        self,
+        stamp_s: float,
+        reason: str,
+        again: TrackedLandmarks,
+        others: TrackedLandmarks,
+        picture: PreparedImage,
+        belief: Belief,
     ) -> Lost:
         """Return `Lost`; after a while begin anew from the pose of the belief."""
         details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
         last = self._expectation.last
-        has_motion = belief.motion_age_s < self.config.restart_s and belief.pose_map_base is not None
         may_restart = last is not None and np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s
-        if last is not None and may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks):
-            T_map_base = last[1]
-            if has_motion and belief.pose_map_base is not None:
+        may_restart = may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks)
+        if last is not None and may_restart and not self._doubts.is_carried_off(picture, belief):
+            T_map_base, spread = last[1], restart_covariance(stamp_s - last[0], None)
+            if belief.motion_age_s < self.config.restart_s and belief.pose_map_base is not None:
                 T_map_base = Pose3.from_planar(belief.pose_map_base).matrix()
-            self._tracker.remember(others, Anchor(T_map_base, _RESTART))
+                spread = restart_covariance(0.0, belief.covariance)
+            self._tracker.remember(others, Anchor(T_map_base, spread))
             self._expectation.begin(stamp_s, T_map_base)
+            self._is_assumed = True
             self._counts["restarts"] += 1
             reason += "; remembers anew"
         return self._lost_now(stamp_s, reason, details)

@@ -10,20 +10,21 @@ import math
 
 import numpy as np
 
-from trailmark.arrays import Bools, Floats
+from trailmark.arrays import Bools, Floats, Indices
 from trailmark.geometry import wrap_angles
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.eye import PreparedImage
 from trailmark_kinect_landmarks.landmarks import vicinities
 from trailmark_kinect_landmarks.memory import LandmarkMemory
 
-__all__ = ["place_likeness"]
+__all__ = ["is_elsewhere", "place_likeness"]
 
 _MARGIN_PX = 26  # the vicinity lies in the picture
 _NEAR_M, _NEAR_RAD = 0.6, 0.4  # of the pose from which a landmark was remembered: it looks otherwise from elsewhere
 _DEPTH_SHARE, _DEPTH_M = 0.06, 0.03  # a surface farther off than this from a landmark is not its own
 _ASIDE_PX = (-4.0, -2.0, 0.0, 2.0, 4.0)  # the pose may be wrong by so much
 _LEAST_SEEN = 5  # fewer do not tell
+_THROUGH_SHARE = 4.0  # by so much farther looks through, seen from a pose that is not exact
 
 
 def place_likeness(
@@ -49,17 +50,63 @@ def place_likeness(
     float or None
         Mean correlation of their vicinities with those that were remembered; None where fewer than five should be seen.
     """
-    rows = np.flatnonzero(memory.is_taught & _was_near(memory.anchor, T_map_base))
+    rows, uv, off_m, allowed_m = _to_be_seen(memory.is_taught, memory, camera, picture, T_map_base)
+    is_seen = np.abs(off_m) < allowed_m
+    if is_seen.sum() < _LEAST_SEEN:
+        return None
+    return float(_alike(memory, rows[is_seen], uv[is_seen], picture).mean())
+
+
+def is_elsewhere(
+    memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats, alike: float | None
+) -> bool:
+    """Return whether a picture shows that the camera is not at a pose.
+
+    Half of the remembered landmarks that should be seen from there lie where the picture looks through to something
+    farther, or, where the pose is exact, look otherwise. What something hides tells nothing.
+
+    Parameters
+    ----------
+    memory, camera, picture, T_map_base
+        As for `place_likeness`.
+    alike : float or None
+        So alike must they look in the mean; None where the pose is not exact to the pixel.
+    """
+    rows, uv, off_m, allowed_m = _to_be_seen(~memory.is_moved, memory, camera, picture, T_map_base)
+    is_through = off_m > (allowed_m if alike is not None else _THROUGH_SHARE * allowed_m)
+    tells = is_through | (np.abs(off_m) < allowed_m)
+    if tells.sum() < _LEAST_SEEN:
+        return False
+    looks = _alike(memory, rows[tells], uv[tells], picture)
+    looks[is_through[tells]] = 0.0
+    return bool(is_through[tells].mean() > 0.5 or (alike is not None and looks.mean() < alike))
+
+
+def _to_be_seen(
+    which: Bools, memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats
+) -> tuple[Indices, Floats, Floats, Floats]:
+    """Return the landmarks, of some, that were seen from near a pose and lie in the picture.
+
+    These are their rows, their pixels, by how much what is measured there lies farther off, NaN where nothing is, and
+    by how much it may.
+    """
+    rows = np.flatnonzero(which & _was_near(memory.anchor, T_map_base))
     points_base = (memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
     uv = camera.project(points_base, picture.size)
-    is_seen = _is_on_surface(uv, camera.in_camera(points_base)[:, 0], picture)
-    rows, uv = rows[is_seen], uv[is_seen]
-    if len(rows) < _LEAST_SEEN:
-        return None
+    ahead_m = camera.in_camera(points_base)[:, 0]
+    last = np.array(picture.size) - 1 - _MARGIN_PX
+    is_inside = np.all((uv >= _MARGIN_PX) & (uv <= last), axis=1)  # NaN, behind the camera, is not
+    rows, uv, ahead_m = rows[is_inside], uv[is_inside], ahead_m[is_inside]
+    whole = np.rint(uv).astype(np.intp)
+    off_m = picture.depth_m[whole[:, 1], whole[:, 0]] - ahead_m
+    return rows, uv, off_m, _DEPTH_SHARE * ahead_m + _DEPTH_M
+
+
+def _alike(memory: LandmarkMemory, rows: Indices, uv: Floats, picture: PreparedImage) -> Floats:
+    """Return how alike landmarks look at pixels, or a little aside, (N,)."""
     aside = np.array([(du, dv) for du in _ASIDE_PX for dv in _ASIDE_PX])
     looks = vicinities(picture.grey, (uv[None] + aside[:, None]).reshape(-1, 2)).reshape(len(aside), len(rows), -1)
-    alike = np.einsum("anc,nc->an", looks, memory.vicinity[rows])
-    return float(alike.max(axis=0).mean())
+    return np.asarray(np.einsum("anc,nc->an", looks, memory.vicinity[rows]).max(axis=0))
 
 
 def _was_near(anchor: Floats, T_map_base: Floats) -> Bools:
@@ -67,12 +114,3 @@ def _was_near(anchor: Floats, T_map_base: Floats) -> Bools:
     away_m = np.hypot(anchor[:, 0] - T_map_base[0, 3], anchor[:, 1] - T_map_base[1, 3])
     turned_rad = np.abs(wrap_angles(anchor[:, 2] - math.atan2(T_map_base[1, 0], T_map_base[0, 0])))
     return np.asarray((away_m < _NEAR_M) & (turned_rad < _NEAR_RAD))
-
-
-def _is_on_surface(uv: Floats, ahead_m: Floats, picture: PreparedImage) -> Bools:
-    """Return which points lie in the picture on the surface that is seen there: nothing stands before them."""
-    last = np.array(picture.size) - 1 - _MARGIN_PX
-    is_inside: Bools = np.all((uv >= _MARGIN_PX) & (uv <= last), axis=1)  # NaN, behind the camera, is not
-    whole = np.rint(np.where(is_inside[:, None], uv, 0.0)).astype(np.intp)
-    off_m = np.abs(picture.depth_m[whole[:, 1], whole[:, 0]] - ahead_m)  # NaN, where nothing was measured, is not less
-    return np.asarray(is_inside & (off_m < _DEPTH_SHARE * ahead_m + _DEPTH_M))
