@@ -14,7 +14,7 @@ from trailmark.interfaces import Session
 from trailmark.testing import MemoryMap
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.localizer import KinectLandmarks
-from trailmark_kinect_landmarks.whereabouts import Whereabouts, is_in_reach, restart_covariance
+from trailmark_kinect_landmarks.whereabouts import Whereabouts, restart_covariance
 
 from .conftest import SENSORS, Room, arc
 
@@ -41,97 +41,144 @@ def _after_a_gap(
     way_m: float = 0.0,
     seen_from: Pose2 = _HERE,
     motion_age_s: float = 0.0,
-    start: Pose2 | None = None,
     later: Room | None = None,
+    **keys: object,
 ) -> Estimate:
     """Return what is said of the first picture after the camera was covered while wheels went ahead."""
-    localizer = KinectLandmarks(KinectLandmarksConfig(camera="kinect"))
-    rng, mode = np.random.default_rng(3), "track" if localizer_map is None else "replay"
+    localizer = KinectLandmarks(KinectLandmarksConfig(camera="kinect", **keys))  # type: ignore[arg-type]
+    mode, start = ("track", _HERE) if localizer_map is None else ("replay", None)
+    rng = np.random.default_rng(3)
     localizer.start(Session(sensors=SENSORS, mode=mode, map=localizer_map, start_pose=start, rng=rng))
     before = Belief(0.0, start, motion_age_s=motion_age_s)
     for i in range(6):
         localizer.observe(Frame("kinect", i / 30.0, room.look(_HERE)), before)
-    stamp_s = 5 / 30.0 + _COVERED_S
     localizer.observe(Frame("kinect", 6 / 30.0, _DARK), before)
-    after = Belief(
-        stamp_s,
-        start,
-        pose_odom_base=Pose2(way_m),
-        travelled_m=way_m,
-        motion_age_s=motion_age_s,
-    )
+    stamp_s, led = 5 / 30.0 + _COVERED_S, Pose2(way_m)
+    after = Belief(stamp_s, start, pose_odom_base=led, travelled_m=way_m, motion_age_s=motion_age_s)
     (answer,) = localizer.observe(Frame("kinect", stamp_s, (later or room).look(seen_from)), after)
     return answer
 
 
 @pytest.mark.parametrize("is_taught", [True, False])
 def test_a_place_that_motions_do_not_lead_to_only_looks_alike(room: Room, taught: MemoryMap, is_taught: bool) -> None:
-    answer = _after_a_gap(room, taught if is_taught else None, way_m=4.0, start=None if is_taught else _HERE)
+    answer = _after_a_gap(room, taught if is_taught else None, way_m=4.0)
 
     assert isinstance(answer, Lost)
     assert "from where motions lead: it may be another that looks alike" in answer.reason
 
 
-def test_a_place_that_motions_lead_to_is_found_again(room: Room, taught: MemoryMap) -> None:
+@pytest.mark.parametrize("min_agreeing", [12, 60])  # few that were taught are enough where motions lead
+def test_a_place_that_motions_lead_to_is_found_again(room: Room, taught: MemoryMap, min_agreeing: int) -> None:
     there = Pose2(0.25, 0.1, 0.05)
 
     answer = _after_a_gap(room, taught, way_m=0.2, seen_from=there)
+    beyond_the_map = _after_a_gap(room, None, way_m=0.2, seen_from=there, min_agreeing=min_agreeing)
 
-    assert isinstance(answer, Fix)
-    assert answer.pose_map_base.distance_to(there) < 0.03
+    for found in (answer, beyond_the_map):
+        assert isinstance(found, Fix)
+        assert found.pose_map_base.distance_to(there) < 0.03
 
 
 @pytest.mark.parametrize("is_taught", [True, False])
-def test_a_robot_that_was_carried_off_while_it_stood_is_found(room: Room, taught: MemoryMap, is_taught: bool) -> None:
+@pytest.mark.parametrize("way_m", [0.0, 0.03, 0.2, 0.5])
+def test_a_robot_that_was_carried_off_is_found(room: Room, taught: MemoryMap, way_m: float, is_taught: bool) -> None:
     there = Pose2(0.05, 0.9, 0.05)
 
-    answer = _after_a_gap(room, taught if is_taught else None, seen_from=there, start=None if is_taught else _HERE)
+    answer = _after_a_gap(room, taught if is_taught else None, way_m=way_m, seen_from=there)
 
     assert isinstance(answer, Fix)
     assert answer.pose_map_base.distance_to(there) < 0.05
 
 
-@pytest.mark.parametrize("way_m", [0.0, 0.2])
-def test_landmarks_are_remembered_anew_but_where_the_camera_is_proved_not_to_be(room: Room, way_m: float) -> None:
-    answer = _after_a_gap(room, None, start=_HERE, way_m=way_m, later=Room(seed=11))  # other boards on the same wall
+@pytest.mark.parametrize("seen", ["boards", "none"])
+def test_landmarks_are_remembered_anew_but_where_the_camera_surely_is_not(room: Room, seen: str) -> None:
+    other = Room(seed=11)
+    if seen == "none":  # it looks through where the wall was: somebody carried it to where nothing is known
+        other._render = lambda *about: _farther(room._render(*about))  # type: ignore[method-assign]
+        other._look = other._render  # type: ignore[assignment]
+
+    answer = _after_a_gap(room, None, later=other)
 
     assert isinstance(answer, Lost)
-    assert ("remembers anew" in answer.reason) == (way_m > 0.0)  # after a way nobody knows which boards it should see
+    assert ("remembers anew" in answer.reason) == (seen == "boards")
 
 
-def test_without_motions_nothing_contradicts_a_place(room: Room, taught: MemoryMap) -> None:
-    answer = _after_a_gap(room, taught, way_m=4.0, motion_age_s=math.inf)
+def _farther(seen: RGBD) -> RGBD:
+    return RGBD(np.ascontiguousarray(seen.bgr[:, ::-1]), seen.depth_m * np.float32(1.5))
+
+
+@pytest.mark.parametrize(("way_m", "motion_age_s"), [(4.0, math.inf), (-4.0, 0.0)])
+def test_without_motions_nothing_contradicts_a_place(
+    room: Room, taught: MemoryMap, way_m: float, motion_age_s: float
+) -> None:
+    answer = _after_a_gap(room, taught, way_m=way_m, motion_age_s=motion_age_s)
 
     assert isinstance(answer, Fix)
     assert answer.pose_map_base.distance_to(_HERE) < 0.03
 
 
-def test_motions_that_were_interrupted_tell_nothing() -> None:
-    whereabouts, moving = Whereabouts(1.0), Belief(0.0, motion_age_s=0.1)
-    whereabouts.begin(Pose2(1.0, 2.0, math.pi / 2), moving)
-    there = Belief(1.0, pose_odom_base=Pose2(0.5), travelled_m=0.5, motion_age_s=0.1)
+def _moving(x: float = 0.0, theta: float = 0.0, age_s: float = 0.1) -> Belief:
+    return Belief(0.0, pose_odom_base=Pose2(x, 0.0, theta), travelled_m=x, motion_age_s=age_s)
 
-    before = whereabouts.carried(there)
-    whereabouts.follow(Belief(3.0, motion_age_s=2.0))
+
+def test_motions_lead_on_until_they_are_interrupted() -> None:
+    whereabouts = Whereabouts(1.0)
+    whereabouts.begin(Pose2(1.0, 2.0, math.pi / 2), None, _moving())
+
+    whereabouts.follow(_moving(0.5))
+    before = whereabouts.led
+    whereabouts.follow(_moving(0.5, age_s=2.0))
+    whereabouts.follow(_moving(0.6))
 
     assert before is not None
     assert (before.x, before.y, before.theta) == pytest.approx((1.0, 2.5, math.pi / 2))
-    assert whereabouts.carried(there) is None
+    assert whereabouts.led is None
+    assert not whereabouts.is_near(before)
+    assert whereabouts.is_possible(Pose2(50.0))
 
 
-def test_reach_grows_with_the_way_and_turns_wrap() -> None:
-    pose = Pose2(0.0, 0.0, 3.1)
+def test_what_is_near_grows_with_the_way_and_the_turns() -> None:
+    whereabouts = Whereabouts(1.0)
+    whereabouts.begin(Pose2(0.0, 0.0, 3.1), None, _moving())
 
-    assert is_in_reach(Pose2(0.4, 0.0, -3.1), pose)
-    assert not is_in_reach(Pose2(0.8, 0.0, 3.1), pose)
-    assert is_in_reach(Pose2(0.8, 0.0, 3.1), pose, way_m=3.0)
-    assert not is_in_reach(Pose2(0.0, 0.0, 0.0), pose, way_m=3.0)
+    assert whereabouts.has_stood
+    assert whereabouts.is_near(Pose2(0.4, 0.0, -3.1))
+    assert not whereabouts.is_near(Pose2(0.8, 0.0, 3.1))
+    assert not whereabouts.is_near(Pose2(0.0, 0.0, 2.3))
+    for turn in (1.0, 2.0, 1.0, 0.0):
+        whereabouts.follow(_moving(3.0, turn))
+    assert not whereabouts.has_stood
+    assert whereabouts.is_near(Pose2(-3.8, 0.1, 2.3))
 
 
-def test_landmarks_remembered_anew_are_no_surer_than_the_gap_and_the_belief() -> None:
+def test_a_pose_that_was_hardly_known_leaves_others_possible() -> None:
+    whereabouts = Whereabouts(1.0)
+
+    whereabouts.begin(Pose2(), np.diag([0.01, 1.5, 0.3]) ** 2, _moving(), is_assumed=True)
+
+    assert not whereabouts.is_near(Pose2(1.5))
+    assert whereabouts.is_possible(Pose2(1.5))
+    assert not whereabouts.is_possible(Pose2(7.0))
+
+
+def test_a_told_start_is_near_itself_without_motions() -> None:
+    whereabouts = Whereabouts(1.0)
+
+    whereabouts.begin(Pose2(2.0), None, None, is_assumed=True)
+
+    assert whereabouts.is_near(Pose2(2.3))
+    assert not whereabouts.is_near(Pose2(4.0))
+
+
+def test_landmarks_remembered_anew_are_no_surer_than_the_gap_and_the_pose_before() -> None:
     believed = np.diag([4.0, 1.0, 0.01])
+    whereabouts = Whereabouts(1.0)
 
     told, blind = restart_covariance(0.0, believed), restart_covariance(4.0, None)
+    whereabouts.begin(Pose2(), blind, None, is_assumed=True)
+    twice, unknown = whereabouts.restart_covariance(0.0), restart_covariance(0.0, np.full((3, 3), np.nan))
 
     assert np.sqrt(np.diag(told)) == pytest.approx([math.hypot(0.3, 2.0), math.hypot(0.3, 1.0), math.hypot(0.35, 0.1)])
     assert np.sqrt(np.diag(blind)) == pytest.approx([2.3, 2.3, 2.35])
+    assert np.diag(twice) == pytest.approx(np.diag(blind) + np.diag(restart_covariance(0.0, None)))
+    assert unknown[0, 0] >= 100.0

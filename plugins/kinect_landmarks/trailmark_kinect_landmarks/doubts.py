@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from trailmark.estimates import Belief
 from trailmark.geometry import Pose2, Pose3
 from trailmark_kinect_landmarks.camera import LandmarkCamera
 from trailmark_kinect_landmarks.config import KinectLandmarksConfig
 from trailmark_kinect_landmarks.eye import PreparedImage
 from trailmark_kinect_landmarks.landmarks import TrackedLandmarks
 from trailmark_kinect_landmarks.memory import LandmarkMemory
-from trailmark_kinect_landmarks.place_likeness import is_elsewhere, place_likeness
+from trailmark_kinect_landmarks.place_likeness import in_view, place_likeness
 from trailmark_kinect_landmarks.solver import PoseSolver, Solved
-from trailmark_kinect_landmarks.whereabouts import Whereabouts, is_in_reach
+from trailmark_kinect_landmarks.whereabouts import NEAR_M, NEAR_RAD, Whereabouts
 
 __all__ = ["Doubts"]
 
-#: After so short a way motions tell to the pixel where the camera is [m].
-_STOOD_M = 0.02
+#: Of the landmarks that should be seen where motions lead, so many are found again where that is true.
+_FOUND_SHARE = 0.25
+#: Headings at which they must be missed, beside the one that motions lead to [rad].
+_ASIDE_RAD = (-0.3, 0.3)
 
 
 class Doubts:
@@ -30,22 +33,22 @@ class Doubts:
         How much is asked.
     memory, camera, solver
         Of the localizer.
+    whereabouts : Whereabouts
+        Where motions lead.
     """
 
     def __init__(
-        self, config: KinectLandmarksConfig, memory: LandmarkMemory, camera: LandmarkCamera, solver: PoseSolver
+        self,
+        config: KinectLandmarksConfig,
+        memory: LandmarkMemory,
+        camera: LandmarkCamera,
+        solver: PoseSolver,
+        whereabouts: Whereabouts,
     ) -> None:
         self._config, self._memory, self._camera, self._solver = config, memory, camera, solver
-        self.whereabouts = Whereabouts(config.restart_s)
+        self._whereabouts = whereabouts
 
-    def of(
-        self,
-        solved: Solved,
-        again: TrackedLandmarks,
-        picture: PreparedImage,
-        belief: Belief,
-        assumed: Pose2 | None,
-    ) -> str:
+    def about(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage) -> str:
         """Return why a pose is not believed; nothing where it is.
 
         Parameters
@@ -56,46 +59,54 @@ class Doubts:
             All that were found again.
         picture : PreparedImage
             What is seen.
-        belief : Belief
-            Of motion.
-        assumed : Pose2 or None
-            Told as the start, or landmarks were remembered anew there: near it nothing is doubted.
         """
-        pose = Pose3.from_matrix(solved.T_map_base).planar()
-        if assumed is not None and is_in_reach(pose, assumed):
+        pose, led = _planar(solved), self._whereabouts.led
+        if self._whereabouts.is_near(pose):
             return ""
-        return self._by_motion(pose, picture, belief) or self._by_looks(solved, again, picture)
-
-    def is_carried_off(self, picture: PreparedImage, belief: Belief) -> bool:
-        """Return whether a picture proves that the camera is not where motions lead."""
-        carried = self.whereabouts.carried(belief)
-        if carried is None:
-            return False
-        alike = self._config.place_alike if self.whereabouts.way_m(belief) < _STOOD_M else None
-        return is_elsewhere(self._memory, self._camera, picture, Pose3.from_planar(carried).matrix(), alike)
-
-    def _by_motion(self, pose: Pose2, picture: PreparedImage, belief: Belief) -> str:
-        carried = self.whereabouts.carried(belief)
-        if carried is None or is_in_reach(pose, carried, self.whereabouts.way_m(belief)):
-            return ""
-        if self.is_carried_off(picture, belief):
-            return ""
-        turned_deg = abs(np.rad2deg(carried.between(pose).theta))
+        if led is None or self._whereabouts.is_possible(pose) or self._is_carried_off(led, again, picture):
+            return self._about_looks(solved, again, picture)
+        off_m, off_deg = led.distance_to(pose), math.degrees(abs(led.between(pose).theta))
         return (
-            f"landmarks agree on a place {carried.distance_to(pose):.1f} m and {turned_deg:.0f} deg from where motions"
-            " lead: it may be another that looks alike"
+            f"landmarks agree on a place {off_m:.1f} m and {off_deg:.0f} deg from where motions lead: it may be another"
+            " that looks alike"
         )
 
-    def _by_looks(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage) -> str:
+    def is_surely_elsewhere(self, picture: PreparedImage) -> bool:
+        """Return whether a camera that has stood since the last pose looks through what it saw from there."""
+        led = self._whereabouts.led
+        if led is None or not self._whereabouts.has_stood:
+            return False
+        return in_view(self._memory, self._camera, picture, Pose3.from_planar(led).matrix()).are_gone
+
+    def _is_carried_off(self, led: Pose2, again: TrackedLandmarks, picture: PreparedImage) -> bool:
+        """Return whether a picture in which landmarks are found again shows none of those of where motions lead."""
+        aside = () if self._whereabouts.has_stood else _ASIDE_RAD
+        poses = [Pose2(led.x, led.y, led.theta + turn) for turn in (0.0, *aside)]
+        n = min(in_view(self._memory, self._camera, picture, Pose3.from_planar(pose).matrix()).n for pose in poses)
+        return n >= self._config.min_agreeing and self._n_found_near(led, again) < _FOUND_SHARE * n
+
+    def _n_found_near(self, led: Pose2, again: TrackedLandmarks) -> int:
+        """Return how many landmarks agree on a pose near the one that motions lead to."""
+        R, t = Pose3.from_planar(led).rotation(), np.array([led.x, led.y, 0.0])
+        misses_m = np.linalg.norm(again.seen.points_base @ R.T + t - self._memory.points[again.rows], axis=1)
+        reach_m = NEAR_M + NEAR_RAD * np.linalg.norm(again.seen.points_base, axis=1)
+        solved = self._solver.solve(again.pick(misses_m < reach_m), None)
+        is_near = isinstance(solved, Solved) and self._whereabouts.is_near(_planar(solved))
+        return len(solved.agreeing) if isinstance(solved, Solved) and is_near else 0
+
+    def _about_looks(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage) -> str:
+        """Return why a pose is not believed to be in the taught place."""
         if not self._memory.is_taught.any():
             return ""
         n, needed = self._solver.n_taught(solved, again), self._config.min_agreeing
         if n < needed:
             return f"{n} taught landmarks agree on a place, {needed} are needed: it may be another"
         likeness = place_likeness(self._memory, self._camera, picture, solved.T_map_base)
-        if likeness is not None and likeness < self._config.place_alike:
-            return (
-                f"what should be seen there looks alike to {likeness:.2f}, not {self._config.place_alike}: it may be"
-                " another place"
-            )
+        asked = self._config.place_alike
+        if likeness is not None and likeness < asked:
+            return f"what should be seen there looks alike to {likeness:.2f}, not {asked:.2f}: it may be another place"
         return ""
+
+
+def _planar(solved: Solved) -> Pose2:
+    return Pose3.from_matrix(solved.T_map_base).planar()

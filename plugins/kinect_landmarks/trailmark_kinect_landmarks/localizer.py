@@ -35,7 +35,7 @@ from trailmark_kinect_landmarks.stages import StagePictures
 from trailmark_kinect_landmarks.systematic import motion_systematic, systematic_covariance
 from trailmark_kinect_landmarks.tracker import Tracker
 from trailmark_kinect_landmarks.watch import DepthWatch
-from trailmark_kinect_landmarks.whereabouts import restart_covariance
+from trailmark_kinect_landmarks.whereabouts import Whereabouts, restart_covariance
 
 __all__ = ["KinectLandmarks", "KinectMotion"]
 
@@ -70,8 +70,8 @@ class KinectLandmarks(Localizer):
         self._stages = StagePictures(config.debug_images) if config.debug_images else None
         self._light: float | None = None
         self._scan: Scan | None = None
-        self._expectation, self._is_assumed = Expectation(), False
-        self._doubts = Doubts(config, self._memory, self._camera, self._solver)
+        self._expectation, self._whereabouts = Expectation(), Whereabouts(config.restart_s)
+        self._doubts = Doubts(config, self._memory, self._camera, self._solver, self._whereabouts)
         self._start_pose: Pose2 | None = None
         self._told: tuple[float, Pose2, Floats] | None = None
         self._counts = {"lost": 0, "restarts": 0, "relocalized": 0, "registered": 0}
@@ -96,7 +96,7 @@ class KinectLandmarks(Localizer):
         plan = self._effort.plan()
         picture = self._eye.prepare(payload, self._light, self._scan, plan.scale)
         is_expected = self._is_expected(stamp_s)
-        self._doubts.whereabouts.follow(belief)
+        self._whereabouts.follow(belief)
         self._watch.look_at_depths(picture.registered_m)
         predicted = self._expectation.pose(stamp_s) if is_expected else None
         again, others, done = self._tracker.look(picture, plan, predicted)
@@ -109,8 +109,8 @@ class KinectLandmarks(Localizer):
         if isinstance(solved, Refusal):
             self._effort.note_picture(picture, done, len(again), 0)
             return [self._report_lost(stamp_s, solved.reason, again, others, picture, belief)]
-        is_sure = is_expected and not self._is_assumed
-        doubt = "" if is_sure else self._doubt(solved, again, picture, belief)
+        is_followed = is_expected and not self._whereabouts.is_assumed
+        doubt = "" if is_followed else self._doubts.about(solved, again, picture)
         if doubt:
             self._effort.note_picture(picture, done, len(again), 0)
             return [self._report_lost(stamp_s, doubt, again, others, picture, belief)]
@@ -120,12 +120,11 @@ class KinectLandmarks(Localizer):
         self._remember(stamp_s, belief, solved.T_map_base, rows)
         self._counts["relocalized"] += expected is None
         self._expectation.took(stamp_s, solved.T_map_base)
-        self._is_assumed = False
-        self._doubts.whereabouts.begin(Pose3.from_matrix(solved.T_map_base).planar(), belief)
         if self._stages is not None:
             self._stages.write(stamp_s, picture, solved.agreeing, self._camera)
         answers = self._answer(stamp_s, solved, picture)
         planar = Pose3.from_matrix(solved.T_map_base).planar()
+        self._whereabouts.begin(planar, solved.covariance, belief)
         odom = belief.pose_odom_base
         self._watch.compare_ways((planar.x, planar.y), (odom.x, odom.y))
         if self._watch.look(stamp_s, picture.grey, picture.registered_m, self._expectation.rates()):
@@ -187,7 +186,7 @@ class KinectLandmarks(Localizer):
         self._start_pose = self._session.start_pose or Pose2()
         if self._session.start_pose is not None and self.config.solve == "plane":
             self._expectation.begin(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())
-            self._is_assumed = True
+            self._whereabouts.begin(self._session.start_pose, None, None, is_assumed=True)
 
     def _begin(self, stamp_s: float, others: TrackedLandmarks, belief: Belief) -> Sequence[Estimate]:
         """Remember what is seen from the start; only if it could carry a pose."""
@@ -202,7 +201,7 @@ class KinectLandmarks(Localizer):
         self._remember(stamp_s, belief, T_map_base, rows)
         self._start_pose = pose
         self._expectation.begin(stamp_s, T_map_base)
-        self._doubts.whereabouts.begin(pose, belief)
+        self._whereabouts.begin(pose, None, belief)
         self._told = (stamp_s, pose, np.zeros((3, 3)))
         return ()
 
@@ -222,12 +221,6 @@ class KinectLandmarks(Localizer):
         if self._expectation.last is not None:
             self._expectation.begin(*self._expectation.last)
 
-    def _doubt(self, solved: Solved, again: TrackedLandmarks, picture: PreparedImage, belief: Belief) -> str:
-        """Return why a pose that was not followed from picture to picture is not believed; nothing where it is."""
-        last = self._expectation.last if self._is_assumed else None
-        assumed = None if last is None else Pose3.from_matrix(last[1]).planar()
-        return self._doubts.of(solved, again, picture, belief, assumed)
-
     def _report_lost(
         self,
         stamp_s: float,
@@ -237,22 +230,28 @@ class KinectLandmarks(Localizer):
         picture: PreparedImage,
         belief: Belief,
     ) -> Lost:
-        """Return `Lost`; after a while begin anew from the pose of the belief."""
+        """Return `Lost`; after a while remember anew."""
         details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
         last = self._expectation.last
         may_restart = last is not None and np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s
         may_restart = may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks)
-        if last is not None and may_restart and not self._doubts.is_carried_off(picture, belief):
-            T_map_base, spread = last[1], restart_covariance(stamp_s - last[0], None)
-            if belief.motion_age_s < self.config.restart_s and belief.pose_map_base is not None:
-                T_map_base = Pose3.from_planar(belief.pose_map_base).matrix()
-                spread = restart_covariance(0.0, belief.covariance)
-            self._tracker.remember(others, Anchor(T_map_base, spread))
-            self._expectation.begin(stamp_s, T_map_base)
-            self._is_assumed = True
+        if last is not None and may_restart and not self._doubts.is_surely_elsewhere(picture):
+            self._restart(stamp_s, others, belief, last)
             self._counts["restarts"] += 1
             reason += "; remembers anew"
         return self._lost_now(stamp_s, reason, details)
+
+    def _restart(self, stamp_s: float, others: TrackedLandmarks, belief: Belief, last: tuple[float, Floats]) -> None:
+        """Remember landmarks anew from where the belief is while motions move it, otherwise from the last pose."""
+        if self._whereabouts.is_told_motion(belief) and belief.pose_map_base is not None:
+            pose, covariance = belief.pose_map_base, restart_covariance(0.0, belief.covariance)
+            T_map_base = Pose3.from_planar(pose).matrix()
+        else:
+            T_map_base, covariance = last[1], self._whereabouts.restart_covariance(stamp_s - last[0])
+            pose = Pose3.from_matrix(T_map_base).planar()
+        self._tracker.remember(others, Anchor(T_map_base, covariance))
+        self._expectation.begin(stamp_s, T_map_base)
+        self._whereabouts.begin(pose, covariance, belief, is_assumed=True)
 
     def _lost_now(self, stamp_s: float, reason: str, details: Mapping[str, float]) -> Lost:
         self._counts["lost"] += 1

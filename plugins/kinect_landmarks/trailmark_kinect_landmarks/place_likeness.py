@@ -7,6 +7,7 @@ to be seen from there as well; in another one something else hangs in their plac
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +18,13 @@ from trailmark_kinect_landmarks.eye import PreparedImage
 from trailmark_kinect_landmarks.landmarks import vicinities
 from trailmark_kinect_landmarks.memory import LandmarkMemory
 
-__all__ = ["is_elsewhere", "place_likeness"]
+__all__ = ["InView", "in_view", "place_likeness"]
 
 _MARGIN_PX = 26  # the vicinity lies in the picture
 _NEAR_M, _NEAR_RAD = 0.6, 0.4  # of the pose from which a landmark was remembered: it looks otherwise from elsewhere
 _DEPTH_SHARE, _DEPTH_M = 0.06, 0.03  # a surface farther off than this from a landmark is not its own
 _ASIDE_PX = (-4.0, -2.0, 0.0, 2.0, 4.0)  # the pose may be wrong by so much
 _LEAST_SEEN = 5  # fewer do not tell
-_THROUGH_SHARE = 4.0  # by so much farther looks through, seen from a pose that is not exact
 
 
 def place_likeness(
@@ -57,29 +57,30 @@ def place_likeness(
     return float(_alike(memory, rows[is_seen], uv[is_seen], picture).mean())
 
 
-def is_elsewhere(
-    memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats, alike: float | None
-) -> bool:
-    """Return whether a picture shows that the camera is not at a pose.
+class InView(NamedTuple):
+    """Remembered landmarks that should be seen from a pose, where nothing stands before them.
 
-    Half of the remembered landmarks that should be seen from there lie where the picture looks through to something
-    farther, or, where the pose is exact, look otherwise. What something hides tells nothing.
-
-    Parameters
+    Attributes
     ----------
-    memory, camera, picture, T_map_base
-        As for `place_likeness`.
-    alike : float or None
-        So alike must they look in the mean; None where the pose is not exact to the pixel.
+    n : int
+        How many there are.
+    n_through : int
+        ... of which lie where the picture looks through to something farther.
     """
-    rows, uv, off_m, allowed_m = _to_be_seen(~memory.is_moved, memory, camera, picture, T_map_base)
-    is_through = off_m > (allowed_m if alike is not None else _THROUGH_SHARE * allowed_m)
-    tells = is_through | (np.abs(off_m) < allowed_m)
-    if tells.sum() < _LEAST_SEEN:
-        return False
-    looks = _alike(memory, rows[tells], uv[tells], picture)
-    looks[is_through[tells]] = 0.0
-    return bool(is_through[tells].mean() > 0.5 or (alike is not None and looks.mean() < alike))
+
+    n: int
+    n_through: int
+
+    @property
+    def are_gone(self) -> bool:
+        """Whether most of them are not there."""
+        return self.n >= _LEAST_SEEN and self.n_through > self.n / 2
+
+
+def in_view(memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats) -> InView:
+    """Return how many remembered landmarks should be seen from a pose; parameters as for `place_likeness`."""
+    _, _, off_m, allowed_m = _to_be_seen(~memory.is_moved, memory, camera, picture, T_map_base)
+    return InView(int(np.sum(off_m > -allowed_m)), int(np.sum(off_m > allowed_m)))  # NaN is neither
 
 
 def _to_be_seen(
