@@ -389,7 +389,7 @@ def test_few_landmarks_that_agree_are_another_place_for_all_that_is_known(taught
     doubted = _first_seen(room, taught_room, min_agreeing=60)
 
     assert isinstance(doubted, Lost)
-    assert "taught landmarks agree on a place, 60 are needed" in doubted.reason
+    assert "landmarks agree on a place, 60 are needed" in doubted.reason
 
 
 def test_a_known_start_is_not_doubted(taught_room: MemoryMap, room: Room) -> None:

@@ -131,8 +131,8 @@ class KinectLandmarksConfig(RgbdConfig):
     alike: float = Field(0.75, gt=0.0, le=1.0)
     """How alike a landmark must look to be taken for a remembered one, 0 to 1."""
     min_agreeing: int = Field(12, ge=2)
-    """So many taught landmarks must agree on a pose in a taught place that is not followed from picture to picture, and
-    neither where motions lead nor near a told start (`solve: plane`): some look alike anywhere."""
+    """So many landmarks must agree on a pose that is not followed from picture to picture, and
+    near none that was told, was begun at anew, or that motions lead to: some look alike anywhere."""
     place_alike: float = Field(0.62, ge=0.0, le=1.0)
     """So alike must the taught landmarks look, in the mean, that should be seen from that pose: where other posters
     hang, this is another room of the same plan. 0: not asked."""
@@ -151,7 +151,7 @@ class KinectLandmarksConfig(RgbdConfig):
 
     restart_s: float = Field(1.0, gt=0.0)
     """Lost for so long, it remembers anew where it is believed to be, and says with what uncertainty; what is found
-    again then is doubted where motions do not lead. Motions that are older tell nothing [s]."""
+    again then is doubted, unless motions lead there. Motions that are older tell nothing [s]."""
 
     debug_images: OutputPath | None = None
     """Folder for the paper's six stage pictures (Figures 5-10) of every picture; slow."""

@@ -99,21 +99,26 @@ class KinectLandmarks(Localizer):
         self._whereabouts.follow(belief)
         self._watch.look_at_depths(picture.registered_m)
         predicted = self._expectation.pose(stamp_s) if is_expected else None
-        again, others, done = self._tracker.look(picture, plan, predicted)
+        again, others, done = self._tracker.look(picture, plan, predicted, self._whereabouts.lead)
         if self._solver.notices_tilt(stamp_s, again):
             self._begin_in_space()
         expected = self._expectation.motion(stamp_s, self._solver.n_dimensions) if is_expected else None
         if len(self._memory) == 0:
             return self._begin(stamp_s, others, belief)
         solved = self._solver.solve(again, expected)
-        if isinstance(solved, Refusal):
-            self._effort.note_picture(picture, done, len(again), 0)
-            return [self._report_lost(stamp_s, solved.reason, again, others, picture, belief)]
         is_followed = is_expected and not self._whereabouts.is_assumed
-        doubt = "" if is_followed else self._doubts.about(solved, again, picture)
-        if doubt:
+        against = solved.reason if isinstance(solved, Refusal) else ""
+        if isinstance(solved, Solved) and not is_followed:
+            against = self._doubts.about(solved, again, self._tracker.n_near, picture)
+            if against:
+                self._tracker.let_go()
+        if isinstance(solved, Refusal) or against:
             self._effort.note_picture(picture, done, len(again), 0)
-            return [self._report_lost(stamp_s, doubt, again, others, picture, belief)]
+            if self._may_restart(stamp_s, others, picture):
+                self._restart(stamp_s, others, belief)
+                against += "; remembers anew"
+            details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
+            return [self._lost_now(stamp_s, against, details)]
         self._effort.note_picture(picture, done, len(again) + len(others), len(solved.agreeing))
         is_surprise = self._expectation.is_surprised(stamp_s, solved.T_map_base)
         rows = self._tracker.learn(stamp_s, solved, again, others, is_doubtful=is_surprise)
@@ -124,7 +129,8 @@ class KinectLandmarks(Localizer):
             self._stages.write(stamp_s, picture, solved.agreeing, self._camera)
         answers = self._answer(stamp_s, solved, picture)
         planar = Pose3.from_matrix(solved.T_map_base).planar()
-        self._whereabouts.begin(planar, solved.covariance, belief)
+        known = solved.covariance + _FLOOR + systematic_covariance(self._watch.share, solved.drift, None)
+        self._whereabouts.begin(solved.T_map_base, covariance=known, belief=belief)
         odom = belief.pose_odom_base
         self._watch.compare_ways((planar.x, planar.y), (odom.x, odom.y))
         if self._watch.look(stamp_s, picture.grey, picture.registered_m, self._expectation.rates()):
@@ -186,7 +192,7 @@ class KinectLandmarks(Localizer):
         self._start_pose = self._session.start_pose or Pose2()
         if self._session.start_pose is not None and self.config.solve == "plane":
             self._expectation.begin(-np.inf, Pose3.from_planar(self._session.start_pose).matrix())
-            self._whereabouts.begin(self._session.start_pose, None, None, is_assumed=True)
+            self._whereabouts.begin(Pose3.from_planar(self._session.start_pose).matrix(), is_assumed=True)
 
     def _begin(self, stamp_s: float, others: TrackedLandmarks, belief: Belief) -> Sequence[Estimate]:
         """Remember what is seen from the start; only if it could carry a pose."""
@@ -201,14 +207,18 @@ class KinectLandmarks(Localizer):
         self._remember(stamp_s, belief, T_map_base, rows)
         self._start_pose = pose
         self._expectation.begin(stamp_s, T_map_base)
-        self._whereabouts.begin(pose, None, belief)
+        self._whereabouts.begin(T_map_base, belief=belief)
         self._told = (stamp_s, pose, np.zeros((3, 3)))
         return ()
 
     def _is_expected(self, stamp_s: float) -> bool:
         """Return whether a pose is expected; not while lost."""
+        return self._expectation.last is not None and not self._is_gap(stamp_s)
+
+    def _is_gap(self, stamp_s: float) -> bool:
+        """Return whether the last pose is known, and older than `restart_s`."""
         last = self._expectation.last
-        return last is not None and not (np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s)
+        return last is not None and np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s
 
     def _begin_in_space(self) -> None:
         """Say that the camera tilts, and expect it anywhere near: what was learned of its movement was of the plane."""
@@ -221,37 +231,27 @@ class KinectLandmarks(Localizer):
         if self._expectation.last is not None:
             self._expectation.begin(*self._expectation.last)
 
-    def _report_lost(
-        self,
-        stamp_s: float,
-        reason: str,
-        again: TrackedLandmarks,
-        others: TrackedLandmarks,
-        picture: PreparedImage,
-        belief: Belief,
-    ) -> Lost:
-        """Return `Lost`; after a while remember anew."""
-        details = {"n_landmarks": float(len(again) + len(others)), "n_refound": float(len(again))}
-        last = self._expectation.last
-        may_restart = last is not None and np.isfinite(last[0]) and stamp_s - last[0] > self.config.restart_s
-        may_restart = may_restart and len(others) >= max(_START_LANDMARKS, self.config.min_landmarks)
-        if last is not None and may_restart and not self._doubts.is_surely_elsewhere(picture):
-            self._restart(stamp_s, others, belief, last)
-            self._counts["restarts"] += 1
-            reason += "; remembers anew"
-        return self._lost_now(stamp_s, reason, details)
+    def _may_restart(self, stamp_s: float, others: TrackedLandmarks, picture: PreparedImage) -> bool:
+        """Return whether landmarks are remembered anew: lost for a while, enough are seen, and not surely elsewhere."""
+        is_enough = len(others) >= max(_START_LANDMARKS, self.config.min_landmarks)
+        return is_enough and self._is_gap(stamp_s) and not self._doubts.is_surely_elsewhere(picture)
 
-    def _restart(self, stamp_s: float, others: TrackedLandmarks, belief: Belief, last: tuple[float, Floats]) -> None:
-        """Remember landmarks anew from where the belief is while motions move it, otherwise from the last pose."""
+    def _restart(self, stamp_s: float, others: TrackedLandmarks, belief: Belief) -> None:
+        """Remember landmarks anew where motions lead, by the belief or from the last pose; without them at that."""
+        lead, last = self._whereabouts.lead, self._expectation.last
+        assert last is not None
         if self._whereabouts.is_told_motion(belief) and belief.pose_map_base is not None:
-            pose, covariance = belief.pose_map_base, restart_covariance(0.0, belief.covariance)
-            T_map_base = Pose3.from_planar(pose).matrix()
+            T_map_base = Pose3.from_planar(belief.pose_map_base).matrix()
+            covariance = restart_covariance(0.0, belief.covariance)
+        elif lead is not None:
+            T_map_base, covariance = lead.T_map_base, restart_covariance(0.0, self._whereabouts.covariance)
         else:
-            T_map_base, covariance = last[1], self._whereabouts.restart_covariance(stamp_s - last[0])
-            pose = Pose3.from_matrix(T_map_base).planar()
+            T_map_base = last[1]
+            covariance = restart_covariance(stamp_s - last[0], self._whereabouts.covariance)
         self._tracker.remember(others, Anchor(T_map_base, covariance))
         self._expectation.begin(stamp_s, T_map_base)
-        self._whereabouts.begin(pose, covariance, belief, is_assumed=True)
+        self._whereabouts.begin(T_map_base, covariance=covariance, belief=belief, is_assumed=True)
+        self._counts["restarts"] += 1
 
     def _lost_now(self, stamp_s: float, reason: str, details: Mapping[str, float]) -> Lost:
         self._counts["lost"] += 1
@@ -259,6 +259,7 @@ class KinectLandmarks(Localizer):
         last = self._expectation.last
         if last is not None and not np.isfinite(last[0]):
             self._expectation.forget()  # the start pose did not fit the map: search all of it
+            self._whereabouts.forget()
         return Lost(stamp_s, reason, details)
 
     def _remember(self, stamp_s: float, belief: Belief, T_map_base: Floats, rows: npt.NDArray[np.intp]) -> None:

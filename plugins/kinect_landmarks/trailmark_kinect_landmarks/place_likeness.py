@@ -21,7 +21,10 @@ from trailmark_kinect_landmarks.memory import LandmarkMemory
 __all__ = ["InView", "in_view", "place_likeness"]
 
 _MARGIN_PX = 26  # the vicinity lies in the picture
-_NEAR_M, _NEAR_RAD = 0.6, 0.4  # of the pose from which a landmark was remembered: it looks otherwise from elsewhere
+_SEEN_FROM_M, _SEEN_FROM_RAD = (
+    0.6,
+    0.4,
+)  # of the pose from which a landmark was remembered: it looks otherwise from elsewhere
 _DEPTH_SHARE, _DEPTH_M = 0.06, 0.03  # a surface farther off than this from a landmark is not its own
 _ASIDE_PX = (-4.0, -2.0, 0.0, 2.0, 4.0)  # the pose may be wrong by so much
 _LEAST_SEEN = 5  # fewer do not tell
@@ -114,4 +117,4 @@ def _was_near(anchor: Floats, T_map_base: Floats) -> Bools:
     """Return which landmarks were remembered from near a pose; False where a map does not tell."""
     away_m = np.hypot(anchor[:, 0] - T_map_base[0, 3], anchor[:, 1] - T_map_base[1, 3])
     turned_rad = np.abs(wrap_angles(anchor[:, 2] - math.atan2(T_map_base[1, 0], T_map_base[0, 0])))
-    return np.asarray((away_m < _NEAR_M) & (turned_rad < _NEAR_RAD))
+    return np.asarray((away_m < _SEEN_FROM_M) & (turned_rad < _SEEN_FROM_RAD))

@@ -109,10 +109,10 @@ class PoseSolver:
             answer = answer if isinstance(of_all, Refusal) else of_all
         return answer
 
-    def n_taught(self, solved: Solved, among: TrackedLandmarks) -> int:
-        """Return how many landmarks of a taught place stand where a pose says."""
-        taught = among.pick(np.asarray(self._memory.is_taught[among.rows] & ~self._memory.is_moved[among.rows]))
-        return int(self.agree(*self.misses(solved, taught)).sum()) if len(taught) else 0
+    def n_standing(self, solved: Solved, among: TrackedLandmarks) -> int:
+        """Return how many landmarks that have not moved stand where a pose says."""
+        able = among.pick(np.asarray(~self._memory.is_moved[among.rows]))
+        return int(self.agree(*self.misses(solved, able)).sum()) if len(able) else 0
 
     def misses(self, solved: Solved, sighting: TrackedLandmarks) -> tuple[Floats, Floats]:
         """Return how far landmarks stand from where they are remembered, (N, 3), and its covariances, (N, 3, 3)."""

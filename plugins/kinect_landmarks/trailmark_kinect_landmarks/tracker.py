@@ -25,6 +25,7 @@ from trailmark_kinect_landmarks.refinding import (
     resemblance_where,
 )
 from trailmark_kinect_landmarks.solver import PoseSolver, Solved
+from trailmark_kinect_landmarks.whereabouts import Lead
 
 __all__ = ["Tracker"]
 
@@ -43,6 +44,11 @@ class Tracker:
         The parts that measure, see and remember.
     solver : PoseSolver
         Says which landmarks agree with a pose.
+
+    Attributes
+    ----------
+    n_near : int
+        Landmarks of the last picture that were found again where motions lead; 0 where that was not asked.
     """
 
     def __init__(
@@ -59,13 +65,15 @@ class Tracker:
         self._learned_s = -math.inf
         self._rests = False  # whether finders were left out of the last picture
         self._followed: tuple[Indices, Floats] = (np.empty(0, np.intp), np.empty((0, 2)))
+        self.n_near = 0
 
     def look(
-        self, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None
+        self, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None, lead: Lead | None = None
     ) -> tuple[TrackedLandmarks, TrackedLandmarks, SearchPlan]:
         """Return the landmarks that are found again, all others that are seen, and what of the plan was done.
 
-        `T_map_base` is predicted. While finders rest, none is in the plan that was done.
+        `T_map_base` is predicted; without it all that is remembered is searched, first what is where motions `lead`.
+        While finders rest, none is in the plan that was done.
         """
         numbers = self._memory.forget(self._followed[0])
         if numbers is not None:
@@ -73,11 +81,15 @@ class Tracker:
         again = self._follow(picture, plan, T_map_base)
         found = self._find(picture, plan, again)
         done = replace(plan, finders=()) if self._rests else plan
-        pairs = self._recognise(found, again.rows, picture, plan, T_map_base)
+        if T_map_base is None:
+            pairs, n_near = self._recognise_anywhere(found, again, plan, lead)
+        else:
+            pairs, n_near = self._recognise(found, again.rows, picture, plan, T_map_base), 0
         others = np.setdiff1d(np.arange(len(found)), pairs[:, 0])
         again = TrackedLandmarks.join([again, TrackedLandmarks(found.rows(pairs[:, 0]), pairs[:, 1])])
         self._before = picture
         self._followed = again.rows, again.seen.uv
+        self.n_near = n_near
         measured = np.flatnonzero(np.isfinite(again.seen.points_base).all(axis=1))
         return again.pick(measured), TrackedLandmarks(found.rows(others), np.full(len(others), -1, np.intp)), done
 
@@ -151,41 +163,74 @@ class Tracker:
         return TrackedLandmarks(seen.rows(still), rows[still])
 
     def _recognise(
-        self, found: SeenLandmarks, taken: Indices, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats | None
+        self, found: SeenLandmarks, taken: Indices, picture: PreparedImage, plan: SearchPlan, T_map_base: Floats
     ) -> Indices:
-        """Return pairs (row of `found`, row of the memory), (K, 2)."""
-        memory = self._memory
-        free = ~memory.is_moved
-        free[taken] = False
-        rows = np.flatnonzero(free)
-        expected = None
-        if T_map_base is not None and len(rows):
-            expected = self._expected_pixels(rows, picture, T_map_base)
-            near = np.all(
-                (expected > -self._config.search_px) & (expected < np.array(picture.size) + self._config.search_px),
-                axis=1,
-            )
-            rows, expected = rows[near], expected[near]
+        """Return pairs (row of `found`, row of the memory) near where they are predicted, (K, 2)."""
+        memory, rows, radius_px = self._memory, self._free(taken), self._config.search_px
+        expected = self._expected_pixels(rows, picture, T_map_base)
+        near = np.all((expected > -radius_px) & (expected < np.array(picture.size) + radius_px), axis=1)
+        rows, expected = rows[near], expected[near]
         if len(rows) == 0 or len(found) == 0:
             return np.empty((0, 2), np.intp)
-        looks = found.histogram, found.vicinity, memory.histogram[rows], memory.vicinity[rows]
-        if expected is None:
-            alike = resemblance(*looks, plan.by_colour)
-            pairs = match_anywhere(alike, found.size_m, memory.size_m[rows], self._config.alike)
-            pairs = consistent(pairs, found.points_base, memory.points[rows])
-        else:
-            sizes = found.size_m, memory.size_m[rows]
-            near = is_near(found.uv, expected, self._config.search_px)
-            alike = resemblance_where(near, *looks, plan.by_colour)
-            pairs = match_near(alike, found.uv, expected, self._config.search_px, *sizes, self._config.alike)
+        sizes = found.size_m, memory.size_m[rows]
+        alike = resemblance_where(
+            is_near(found.uv, expected, radius_px), found.histogram, found.vicinity, memory.histogram[rows],
+            memory.vicinity[rows], plan.by_colour,
+        )  # fmt: skip
+        pairs = match_near(alike, found.uv, expected, radius_px, *sizes, self._config.alike)
         return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
+
+    def _recognise_anywhere(
+        self, found: SeenLandmarks, again: TrackedLandmarks, plan: SearchPlan, lead: Lead | None
+    ) -> tuple[Indices, int]:
+        """Return pairs that are consistent, (K, 2), and how many are where motions lead.
+
+        Looks alone choose the place in which most landmarks look alike, were it by one. So those where motions lead are
+        taken if they are half as many, or enough.
+        """
+        rows = self._free(again.rows)
+        of_all = self._consistent(found, rows, plan, None)
+        if lead is None:
+            return of_all, 0
+        n_followed = len(again) if lead.carries(again.seen.points_base, self._memory.points[again.rows]) else 0
+        near = self._consistent(found, rows, plan, lead)
+        if not lead.carries(found.points_base[near[:, 0]], self._memory.points[near[:, 1]]):
+            return of_all, n_followed
+        is_enough = len(near) >= min(self._config.min_agreeing, max(1, len(of_all) // 2))
+        return near if is_enough else of_all, n_followed + len(near)
+
+    def _consistent(self, found: SeenLandmarks, rows: Indices, plan: SearchPlan, lead: Lead | None) -> Indices:
+        memory = self._memory
+        if lead is not None:  # others that look alike are not among the best three of each
+            here = np.linalg.norm(memory.points[rows] - lead.T_map_base[:3, 3], axis=1)
+            rows = rows[here < self._config.far_m + lead.reach_m]
+        if len(rows) == 0 or len(found) == 0:
+            return np.empty((0, 2), np.intp)
+        alike = resemblance(
+            found.histogram, found.vicinity, memory.histogram[rows], memory.vicinity[rows], plan.by_colour
+        )
+        pairs = match_anywhere(alike, found.size_m, memory.size_m[rows], self._config.alike)
+        if lead is not None:
+            pairs = pairs[lead.reaches(found.points_base[pairs[:, 0]], memory.points[rows][pairs[:, 1]])]
+        pairs = consistent(pairs, found.points_base, memory.points[rows])
+        return np.stack([pairs[:, 0], rows[pairs[:, 1]]], axis=1)
+
+    def _free(self, taken: Indices) -> Indices:
+        """Return the rows that are not followed already, and have not moved."""
+        free = ~self._memory.is_moved
+        free[taken] = False
+        return np.flatnonzero(free)
 
     def _expected_pixels(self, rows: Indices, picture: PreparedImage, T_map_base: Floats) -> Floats:
         points_base = (self._memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
         return self._camera.project(points_base, picture.size)
 
+    def let_go(self) -> None:
+        """Follow no landmark on: they were taken for others."""
+        self._solver.forget()
+        self._followed = np.empty(0, np.intp), np.empty((0, 2))
+
     def forget(self) -> None:
         """Follow nothing any more, and take no pose before for known."""
         self._before = None
-        self._solver.forget()
-        self._followed = np.empty(0, np.intp), np.empty((0, 2))
+        self.let_go()
