@@ -70,7 +70,7 @@ _RECKONED_MIN: dict[str, tuple[float, ...]] = {
     "long-run": (60.0,),
     "mutations": (6.0, 6.0, 6.0, 6.0),
     "nagai2015": (80.0,),
-    "noise_told": (20.0,),
+    "noise_told": (30.0,),
     "perroni2014": (60.0,),
     "real-time": (5.0,),
     "real-time-loop": (4.0,),
