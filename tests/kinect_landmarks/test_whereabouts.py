@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
 
+from trailmark.arrays import Floats
 from trailmark.estimates import Belief, Estimate, Fix, Lost, Motion
 from trailmark.frames import RGBD, Frame
 from trailmark.geometry import Pose2, Pose3
@@ -44,10 +46,11 @@ def _after_a_gap(
     later: Room | None = None,
     start: Pose2 | None = None,
     led: Pose2 | None = None,
-    **keys: object,
+    solve: Literal["space", "plane"] = "space",
+    min_agreeing: int = 12,
 ) -> Estimate:
     """Return what is said of the first picture after the camera was covered while wheels went ahead."""
-    localizer = KinectLandmarks(KinectLandmarksConfig(camera="kinect", **keys))  # type: ignore[arg-type]
+    localizer = KinectLandmarks(KinectLandmarksConfig(camera="kinect", solve=solve, min_agreeing=min_agreeing))
     mode, start = ("track", _HERE) if localizer_map is None else ("replay", start)
     rng = np.random.default_rng(3)
     localizer.start(Session(sensors=SENSORS, mode=mode, map=localizer_map, start_pose=start, rng=rng))
@@ -95,8 +98,8 @@ def test_a_robot_that_was_carried_off_is_found(room: Room, taught: MemoryMap, wa
 class _Deeper(Room):
     """A room whose wall is half as far again: it is looked through where another one's stands."""
 
-    def _render(self, *about: object) -> RGBD:
-        seen = super()._render(*about)  # type: ignore[arg-type]
+    def _render(self, pose: Pose2, box_left_m: float, tilt_rad: tuple[float, float]) -> RGBD:
+        seen = super()._render(pose, box_left_m, tilt_rad)
         return RGBD(np.ascontiguousarray(seen.bgr[:, ::-1]), seen.depth_m * np.float32(1.5))
 
 
@@ -128,9 +131,8 @@ def test_of_two_places_that_look_alike_that_is_found_to_which_motions_lead(room:
     arrays, aside = taught.load("map"), Pose2(0.05, 1.7, 0.05)
     assert arrays is not None
     alike = _twice(taught, n_kept=len(arrays["points"]) // 2)
-    to_here = {"start": aside, "led": aside.between(_HERE), "way_m": 1.6}
 
-    answer = _after_a_gap(room, alike, solve="plane", **to_here)  # type: ignore[arg-type]
+    answer = _after_a_gap(room, alike, solve="plane", start=aside, led=aside.between(_HERE), way_m=1.6)
 
     assert isinstance(answer, Fix)
     assert answer.pose_map_base.distance_to(_HERE) < 0.03
@@ -200,9 +202,14 @@ def _moving(x: float = 0.0, theta: float = 0.0, age_s: float = 0.1) -> Belief:
     return Belief(0.0, pose_odom_base=Pose2(x, 0.0, theta), travelled_m=x, motion_age_s=age_s)
 
 
-def _begun(*pose: float, **keys: object) -> Whereabouts:
-    whereabouts = Whereabouts(1.0)
-    whereabouts.begin(Pose3.from_planar(Pose2(*pose)).matrix(), **{"belief": _moving(), **keys})  # type: ignore[arg-type]
+_STANDING = _moving()
+
+
+def _begun(
+    *pose: float, covariance: Floats | None = None, belief: Belief | None = _STANDING, is_assumed: bool = False
+) -> Whereabouts:
+    whereabouts, T_map_base = Whereabouts(1.0), Pose3.from_planar(Pose2(*pose)).matrix()
+    whereabouts.begin(T_map_base, covariance=covariance, belief=belief, is_assumed=is_assumed)
     return whereabouts
 
 

@@ -21,10 +21,8 @@ from trailmark_kinect_landmarks.memory import LandmarkMemory
 __all__ = ["InView", "in_view", "place_likeness"]
 
 _MARGIN_PX = 26  # the vicinity lies in the picture
-_SEEN_FROM_M, _SEEN_FROM_RAD = (
-    0.6,
-    0.4,
-)  # of the pose from which a landmark was remembered: it looks otherwise from elsewhere
+# Of the pose from which a landmark was remembered: it looks otherwise from elsewhere.
+_SEEN_FROM_M, _SEEN_FROM_RAD = 0.6, 0.4
 _DEPTH_SHARE, _DEPTH_M = 0.06, 0.03  # a surface farther off than this from a landmark is not its own
 _ASIDE_PX = (-4.0, -2.0, 0.0, 2.0, 4.0)  # the pose may be wrong by so much
 _LEAST_SEEN = 5  # fewer do not tell
@@ -81,7 +79,13 @@ class InView(NamedTuple):
 
 
 def in_view(memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats) -> InView:
-    """Return how many remembered landmarks should be seen from a pose; parameters as for `place_likeness`."""
+    """Return how many remembered landmarks, taught or not, should be seen from a pose.
+
+    Parameters
+    ----------
+    memory, camera, picture, T_map_base
+        As for `place_likeness`.
+    """
     _, _, off_m, allowed_m = _to_be_seen(~memory.is_moved, memory, camera, picture, T_map_base)
     return InView(int(np.sum(off_m > -allowed_m)), int(np.sum(off_m > allowed_m)))  # NaN is neither
 
@@ -89,10 +93,18 @@ def in_view(memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedIma
 def _to_be_seen(
     which: Bools, memory: LandmarkMemory, camera: LandmarkCamera, picture: PreparedImage, T_map_base: Floats
 ) -> tuple[Indices, Floats, Floats, Floats]:
-    """Return the landmarks, of some, that were seen from near a pose and lie in the picture.
+    """Return which landmarks, of some, were seen from near a pose and lie in the picture.
 
-    These are their rows, their pixels, by how much what is measured there lies farther off, NaN where nothing is, and
-    by how much it may.
+    Returns
+    -------
+    rows : (N,) int
+        Their rows in the memory.
+    uv : (N, 2) float64
+        Where they should be seen [px].
+    off_m : (N,) float64
+        By how much the surface that is measured there lies farther off; NaN where nothing is measured [m].
+    allowed_m : (N,) float64
+        By how much a surface may be off to be that of the landmark [m].
     """
     rows = np.flatnonzero(which & _was_near(memory.anchor, T_map_base))
     points_base = (memory.points[rows] - T_map_base[:3, 3]) @ T_map_base[:3, :3]
