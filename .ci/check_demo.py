@@ -16,6 +16,7 @@ def main() -> None:
     run = json.loads((FOLDER / "run.json").read_text(encoding="utf-8"))
     truth = metrics["trajectories"]["groundtruth"]["metrics"]
     lateral = {name.partition("[")[0]: value for name, value in truth.items() if name.startswith("lateral_")}
+    verdicts = {name: source["nees"]["verdict"] for name, source in metrics["sources"].items() if source["nees"]}
     errors_m = {name: rmse_m(metrics, name) for name in ("fused", "floor", "wheels")}
     checks = {
         "the replay reaches its end": run["status"] == "done" and "end of the path" in run["reason"],
@@ -24,6 +25,8 @@ def main() -> None:
         "and within 20.3 mm always": lateral["lateral_max_m"] <= 0.0203,
         "though the camera fails, it knows where it is to 5 mm rms": errors_m["fused"] <= 0.005,
         "better than camera and wheels alone": errors_m["fused"] < min(errors_m["floor"], errors_m["wheels"]),
+        "no localizer is called too certain, for none is": len(verdicts) >= 3
+        and "overconfident" not in verdicts.values(),
         "a newcomer does not wait for more than 2000 frames": run["counters"]["frames"] <= 2000,
         "the report is there": (FOLDER / "report.html").stat().st_size > 50_000,
     }

@@ -2,7 +2,9 @@
 
     python benchmarks/bench_grand.py run               what has run: cells, passes, wall and processor time
     python benchmarks/bench_grand.py ranking           methods over all conditions
+    python benchmarks/bench_grand.py better            how probable it is that one method beats another
     python benchmarks/bench_grand.py winners           who wins where
+    python benchmarks/bench_grand.py answers           how much each answers, after what time, and what that costs
     python benchmarks/bench_grand.py silent            who was wrong without saying so, and where it was worst
     python benchmarks/bench_grand.py honest            squared errors in units of what was stated: too sure, too humble
     python benchmarks/bench_grand.py failed            which methods gave nothing, where, and why
@@ -10,7 +12,8 @@
     python benchmarks/bench_grand.py aces              ways through ACES by relations, beside published ones
 
 ``make grand`` runs what is missing of the bench, and writes that file and the page. Of medians the best of a row is
-bold; a number behind a median counts the cells that failed, which counted as the worst result.
+bold; a number behind a median counts the cells that failed, which counted as the worst result; ``stands_still`` is the
+error of a robot that is said never to move.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ from trailmark_bench import Index
 from trailmark_bench.cell import UNSUCCESSFUL
 from trailmark_bench.entries import MethodResult, entries_of
 from trailmark_bench.export import markdown_of
+from trailmark_bench.floor import FLOOR, floor_entries
+from trailmark_bench.improvement import Improvement, improvements
 from trailmark_bench.index import CellRecord
 from trailmark_bench.naming import Namer
 from trailmark_bench.quantities import Metric, metrics_of
@@ -40,19 +45,24 @@ from trailmark_bench.winners import winners_table
 
 RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results" / "grand" / "cells.json.xz"
 HONEST = 0.2, 5.0  # NEES a degree of freedom: the stated standard deviations are right within a factor of 2.2
+# What a method answers, and what that costs: quantities whose medians stand side by side.
+ANSWERS = ("answered_fraction", "first_right_s", "recovery_s", "call_ms_per_m", "call_p95_ms")
 # Table I of Kuemmerle et al. (2009), ACES: mean and standard deviation of the translation [m].
 PUBLISHED = {"scan matching": (0.173, 0.614), "particle filter, 50 particles": (0.060, 0.049), "graph": (0.044, 0.044)}
 
 
 def run_tables(index: Index) -> Iterator[Table]:
-    """Yield what has run and what it cost: by pass, and by matrix."""
+    """Yield what has run and what it cost: by pass, and by matrix.
+
+    What a pass ran whose code has changed since ran again in a later one: of all cells together it is no sum of passes.
+    """
     records, meta = index.records(), index.meta()
     states = Counter(record.state for record in records)
-    rows = [("all", _when(meta), str(len(records)), *_costs(meta.get("passes", ())))]
-    rows += [
-        (str(n), _when({"provenance": one}), str(one["cells"]), *_costs([one]))
+    rows = [
+        (str(n), _when({"provenance": one}), str(one["cells"]), *_hours(one["wall_s"], one["cpu_s"]))
         for n, one in enumerate(meta.get("passes", ()), start=1)
     ]
+    rows.append(("cells that stand", "", str(len(records)), "", *_hours(sum(one.cpu_s or 0.0 for one in records))))
     heads = ["pass", "commit, machine, begin", "cells", "wall time [h]", "processor time [h]"]
     ended = f"{len(records)} of {meta.get('asked', len(records))} cells"
     notes = (f"{ended}: {', '.join(f'{n} {state}' for state, n in states.most_common())}.",)
@@ -72,9 +82,8 @@ def _when(meta: dict[str, Any]) -> str:
                                             str(about.get("started", ""))[:16].replace("T", " ")) if word)  # fmt: skip
 
 
-def _costs(passes: Sequence[dict[str, Any]]) -> tuple[str, str]:
-    wall_h, cpu_h = (sum(one[key] for one in passes) / 3600.0 for key in ("wall_s", "cpu_s"))
-    return f"{wall_h:.2f}", f"{cpu_h:.2f}"
+def _hours(*seconds: float) -> tuple[str, ...]:
+    return tuple(f"{one / 3600.0:.2f}" for one in seconds)
 
 
 def _matrix_row(name: str, records: Sequence[CellRecord]) -> tuple[str, ...]:
@@ -86,18 +95,21 @@ def _matrix_row(name: str, records: Sequence[CellRecord]) -> tuple[str, ...]:
 
 def figure_table(records: Sequence[CellRecord], name: str) -> Table:
     """Return the medians of one quantity: a row for each condition, a column for each method."""
-    metric = _metric(name, records)
-    entries = entries_of(records, (metric,), Namer(records))
+    metric, namer = _metric(name, records), Namer(records)
+    entries = entries_of(records, (metric,), namer)
     methods, conditions = (list(dict.fromkeys(key[axis] for key in entries)) for axis in (0, 1))
     title, per_unit = scaled_column(*metric_title(metric), [entry.median(metric) for entry in entries.values()])
+    floor = floor_entries(records, (metric,), namer)
     head = f"{title.title} [{title.unit}]" if title.unit else title.title
     rows = []
     for condition in conditions:
         found = [entries.get((method, condition)) for method in methods]
         best = min((_oriented(entry, metric) for entry in found), default=math.inf)
         cells = (_figure(entry, metric, per_unit, is_best=_oriented(entry, metric) == best) for entry in found)
-        rows.append((condition, *cells))
-    return Table((Column(head, is_number=False), *map(Column, methods)), tuple(rows))
+        still = (_figure(floor.get((FLOOR, condition)), metric, per_unit, is_best=False),) if floor else ()
+        rows.append((condition, *cells, *still))
+    heads = (*methods, FLOOR) if floor else methods
+    return Table((Column(head, is_number=False), *map(Column, heads)), tuple(rows))
 
 
 def _oriented(entry: MethodResult | None, metric: Metric) -> float:
@@ -112,6 +124,42 @@ def _figure(entry: MethodResult | None, metric: Metric, per_unit: float, *, is_b
     text = value_text(value, per_unit)
     text = f"**{text}**" if is_best and value is not None and math.isfinite(value) else text
     return f"{text} ({entry.n_failed})" if entry.n_failed else text
+
+
+def better_tables(records: Sequence[CellRecord], name: str) -> Iterator[Table]:
+    """Yield for each matrix how probable it is that a method beats another on the same frames, with its interval."""
+    for matrix in dict.fromkeys(record.matrix for record in records):
+        of_matrix = [one for one in records if one.matrix == matrix]
+        metric = _metric(name, of_matrix)
+        entries = entries_of(of_matrix, (metric,), Namer(of_matrix))
+        methods = list(dict.fromkeys(method for method, _ in entries))
+        known = {(one.method, one.other): one for one in improvements(methods, entries, metric)}
+        rows = [(method, *(_probable(known.get((method, other))) for other in methods)) for method in methods]
+        if known:
+            yield Table((Column(f"{matrix}: better than", is_number=False), *map(Column, methods)), tuple(rows))
+
+
+def _probable(found: Improvement | None) -> str:
+    if found is None:
+        return ""
+    interval = "" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})"
+    return f"{found.probability:.2f}{interval}"
+
+
+def answers_table(records: Sequence[CellRecord]) -> Table:
+    """Return for each method how much it answers, how soon it is right, and what it costs: medians of conditions."""
+    metrics, namer = metrics_of(ANSWERS, records), Namer(records)
+    columns = [Column("method", is_number=False), Column("cells"), Column("failed")]
+    found: dict[str, list[MethodResult]] = {}
+    for (method, _), entry in sorted(entries_of(records, metrics, namer).items()):
+        found.setdefault(method, []).append(entry)
+    rows = []
+    for method, entries in found.items():
+        counts = (str(sum(one.n_ok + one.n_failed for one in entries)), str(sum(one.n_failed for one in entries)))
+        known = [[value for one in entries if (value := one.median(metric)) is not None] for metric in metrics]
+        rows.append((method, *counts, *(value_text(median(values)) if values else "" for values in known)))
+    columns += [Column(f"{title} [{unit}]" if unit else title) for title, unit in map(metric_title, metrics)]
+    return Table(tuple(columns), tuple(rows))
 
 
 def silent_table(records: Sequence[CellRecord]) -> Table:
@@ -213,6 +261,10 @@ def tables_of(options: argparse.Namespace) -> Iterable[Table]:
                 case "ranking":
                     found = bench_tables(summarize_bench(index))
                     return [table for table in found if table.columns[0].title == "method"]
+                case "better":
+                    return list(better_tables(records, options.metric))
+                case "answers":
+                    return [answers_table(records)]
                 case "silent":
                     return [silent_table(records)]
                 case "honest":
@@ -226,7 +278,8 @@ def tables_of(options: argparse.Namespace) -> Iterable[Table]:
 def main() -> None:
     """Print tables as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["run", "ranking", "winners", "silent", "honest", "failed", "figures", "aces"])
+    whats = ["run", "ranking", "better", "winners", "answers", "silent", "honest", "failed", "figures", "aces"]
+    parser.add_argument("what", choices=whats)
     parser.add_argument("matrices", nargs="*", metavar="MATRIX")
     parser.add_argument("--metric", default="ate_rmse_m")
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FILE")

@@ -59,7 +59,7 @@ _RECKONED_MIN: dict[str, tuple[float, ...]] = {
     "divs_winding": (5.0, 10.0, 3.0),
     "foreign_places": (4.0, 6.0, 10.0, 8.0, 5.0, 6.0, 5.0),
     "fusion": (10.0, 0.5, 15.0, 0.2),
-    "grand": (*(0.2,) * 10, 27.0, 0.2),
+    "grand": (*(0.2,) * 12, 27.0, 0.2),
     "ground_accuracy": (25.0, 5.0),
     "ground_conditions": (25.0, 5.0, 25.0, 8.0),
     "ground_map": (4.0, 4.0, 2.0),

@@ -29,7 +29,7 @@ def printed(
     """Return what the script prints of a bench of three conditions and four methods that nobody ran."""
     with synthetic(tmp_path / "bench", fails=0.2) as index:
         passes = [{"started": "2026-11-27T20:00:00", "cpu": "EPYC", "cells": n, "wall_s": 1800.0, "cpu_s": 3600.0,
-                   "git": {"trailmark": "abc1234"}} for n in (40, 20)]  # fmt: skip
+                   "git": {"trailmark": "abc1234"}} for n in (90, 20)]  # of the first some have run again  # fmt: skip
         index.set_meta(passes=passes)
         write_results(index, tmp_path / "cells.json.xz")
 
@@ -41,11 +41,11 @@ def printed(
     return run
 
 
-def test_passes_add_up(printed: Callable[..., str]) -> None:
+def test_what_passes_cost_stands_beside_what_the_cells_cost_that_are_left(printed: Callable[..., str]) -> None:
     said = printed("run")
 
-    assert "| all | " in said
-    assert "| 60 | 1.00 | 2.00 |" in said
+    assert "| cells that stand |  | 60 |  | " in said
+    assert "| 1 | abc1234, EPYC, 2026-11-27 20:00 | 90 | 0.50 | 1.00 |" in said
     assert "| 2 | abc1234, EPYC, 2026-11-27 20:00 | 20 | 0.50 | 1.00 |" in said
     assert "60 of 60 cells: " in said
 
@@ -62,7 +62,11 @@ def test_the_best_of_a_row_is_bold_and_failures_are_counted(printed: Callable[..
 @pytest.mark.parametrize(
     ("what", "said"),
     [
+        ("run", "| pass | "),
         ("ranking", "| method | ok |"),
+        ("better", "better than | method_0 |"),
+        ("answers", "| method | cells | failed | "),
+        ("silent", "| method | cells | with a silent error |"),
         ("winners", "| condition | best |"),
         ("failed", "ended by SIGSEGV"),
         ("honest", "| method | conditions | from 0.2 to 5 |"),
