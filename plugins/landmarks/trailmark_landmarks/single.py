@@ -9,17 +9,20 @@ from trailmark.estimates import Fix, Lost
 from trailmark.geometry import Pose2
 from trailmark_landmarks.sightings import Sightings, lever_of
 
-__all__ = ["single_fix"]
+__all__ = ["single_fix", "squares_of_curves"]
 
 _MOST_STEPS = 10
 _SETTLED = 1e-6  # [m, rad]
+_NEAREST_M = 1e-3
 
 
 def single_fix(believed: Pose2, covariance: Floats, sighting: Sightings, mounting: Pose2, stamp_s: float) -> Fix | Lost:
     """Return a pose from which one landmark is seen as measured, with the information that this holds.
 
     Linearised where belief and sighting together are most likely (the iterated extended Kalman filter): an estimator
-    that takes the fix to the same belief arrives there.
+    that takes the fix to the same belief arrives there. What a line does not follow counts as noise
+    (`squares_of_curves`): otherwise sightings of a pose that is hardly known, each linearised elsewhere, seem to tell
+    what none of them does.
 
     Parameters
     ----------
@@ -47,10 +50,40 @@ def single_fix(believed: Pose2, covariance: Floats, sighting: Sightings, mountin
         before, shift = shift, gain @ np.linalg.solve(rows @ gain + noise, miss + rows @ shift)
         if np.abs(shift - before).max() < _SETTLED:
             break
+    lever = lever_of(base, sensor)
+    noise += squares_of_curves(sighting, sensor.array(), lever @ covariance @ lever.T)
     distance_m = float(np.hypot(*(sighting.landmarks[0] - sensor.array()[:2])))
     spread_m = float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
     if 2.0 * spread_m > distance_m:
         return Lost(stamp_s, f"the landmark is {distance_m:.2g} m away, its direction is a guess")
     rest = rows.T @ np.linalg.solve(rows @ rows.T, miss)
-    weighted = rows / sighting.sigmas[:, np.newaxis]
-    return Fix(stamp_s, Pose2.from_array(base.array() + rest), weighted.T @ weighted)
+    information = rows.T @ np.linalg.solve(noise, rows)
+    return Fix(stamp_s, Pose2.from_array(base.array() + rest), (information + information.T) / 2.0)
+
+
+def squares_of_curves(sighting: Sightings, pose_sensor: Floats, covariance: Floats) -> Floats:
+    """Return the mean products, (M, M), of what the derivatives of ranges and bearings leave out.
+
+    ``tr(H_i P H_j P) / 2 + tr(H_i P) tr(H_j P) / 4`` with the second derivatives H of each number by the place of the
+    sensor, and P its covariance: the terms of the second-order extended Kalman filter (Athans, Wishner & Bertolini
+    1968), whose shift of the mean counts as noise, too. Ranges lie on a circle and bearings on a fan about the
+    landmark; by the heading both are straight.
+
+    Parameters
+    ----------
+    sighting : Sightings
+        M numbers, of one landmark.
+    pose_sensor : (3,) float64
+        Where the derivatives are taken [m, m, rad].
+    covariance : (3, 3) float64
+        Of the sensor's pose, before the sighting.
+    """
+    offset = sighting.landmarks[0] - pose_sensor[:2]
+    distance_m = max(float(np.hypot(*offset)), _NEAREST_M)
+    along = offset / distance_m
+    across = np.array([-along[1], along[0]])
+    of_range = np.outer(across, across) / distance_m
+    of_bearing = -(np.outer(along, across) + np.outer(across, along)) / distance_m**2
+    curves = np.where(sighting.is_bearing[:, None, None], of_bearing, of_range) @ covariance[:2, :2]
+    means = 0.5 * np.trace(curves, axis1=1, axis2=2)
+    return np.asarray(0.5 * np.einsum("iab,jba->ij", curves, curves) + np.outer(means, means))

@@ -21,6 +21,7 @@ Array = npt.NDArray[np.float64]
 
 _MOST_STEPS = 10
 _SETTLED = 1e-6  # [m, rad]
+_STEP = 1e-4  # between derivatives [m, rad]
 _NEAREST_M = 0.05  # closer than this a bearing says nothing
 
 
@@ -74,8 +75,20 @@ class RangeBearing(Localizer):
         if found is None:
             return Lost(stamp_s, f"on top of landmark {landmark_id}")
         pose, rows = found
-        information = (rows.T / self._variances) @ rows
+        variances = np.diag(self._variances) + self._squares_of_curves(pose, belief.covariance, landmark_id)
+        information = rows.T @ np.linalg.solve(variances, rows)
         return Fix(stamp_s, pose, (information + information.T) / 2.0, {"landmark": float(landmark_id)})
+
+    def _squares_of_curves(self, pose: Pose2, covariance: Array, landmark_id: int) -> Array:
+        """Return the mean products, (2, 2), of what derivatives leave out of range and bearing over the belief."""
+        second = np.empty((2, 3, 3))
+        for column, step in enumerate(_STEP * np.eye(3)):
+            ahead, behind = (Pose2.from_array(pose.array() + sign * step) for sign in (1.0, -1.0))
+            ends = (sighting(end, self._landmarks[landmark_id], self._pose_base_sensor)[1] for end in (ahead, behind))
+            second[:, :, column] = np.subtract(*ends) / (2.0 * _STEP)
+        curves = second @ covariance
+        means = 0.5 * np.trace(curves, axis1=1, axis2=2)
+        return np.asarray(0.5 * np.einsum("iab,jba->ij", curves, curves) + np.outer(means, means))
 
 
 def sighting(pose: Pose2, landmark: tuple[float, float], pose_base_sensor: Pose2) -> tuple[Array, Array]:

@@ -1,0 +1,89 @@
+"""One landmark at a time, from a belief that knows little: what is told is no more than what was seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trailmark.estimates import Fix
+from trailmark.geometry import Pose2
+from trailmark_landmarks.sightings import Seen, Sightings
+from trailmark_landmarks.single import single_fix, squares_of_curves
+
+MOUNTING = Pose2(0.2, -0.1, 0.3)
+SIGMAS = np.array([0.1, np.radians(2.0)])
+#: Of three numbers, one in ten thousand is beyond.
+BEYOND = 21.1
+
+
+def sighting_of(landmark: tuple[float, float], range_m: float, bearing_rad: float) -> Sightings:
+    seen = Seen(np.array([1]), np.array([landmark]), np.array([range_m]), np.array([bearing_rad]))
+    return Sightings.of(seen, sigmas=SIGMAS, gates=np.full(2, np.inf))
+
+
+def seen_from(pose: Pose2, landmark: tuple[float, float], rng: np.random.Generator) -> Sightings:
+    """Return a landmark as a sensor on base sees it, with noise."""
+    sensor = pose @ MOUNTING
+    dx, dy = landmark[0] - sensor.x, landmark[1] - sensor.y
+    range_m, bearing_rad = np.hypot(dx, dy), np.arctan2(dy, dx) - sensor.theta
+    return sighting_of(landmark, *(np.array([range_m, bearing_rad]) + SIGMAS * rng.standard_normal(2)))
+
+
+def test_what_a_circle_and_a_fan_leave_out_is_what_is_drawn() -> None:
+    along, across = 0.2, 0.8
+
+    squares = squares_of_curves(sighting_of((5.0, 0.0), 5.0, 0.0), np.zeros(3), np.diag([along**2, across**2, 1.0]))
+
+    draws = np.random.default_rng(0).standard_normal((400_000, 2)) * [along, across]
+    ranges_m = np.hypot(5.0 - draws[:, 0], draws[:, 1]) - (5.0 - draws[:, 0])
+    bearings_rad = np.arctan2(-draws[:, 1], 5.0 - draws[:, 0]) + draws[:, 1] / 5.0
+    assert squares[0, 0] == pytest.approx(0.75 * across**4 / 5.0**2)
+    assert squares[0, 0] == pytest.approx((ranges_m**2).mean(), rel=0.1)
+    assert squares[1, 1] == pytest.approx((bearings_rad**2).mean(), rel=0.3)  # of which a third is of third order
+    assert squares[0, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_second_derivatives_are_those_of_the_derivatives() -> None:
+    sighting, pose = sighting_of((3.0, 2.0), 0.0, 0.0), np.array([0.5, -1.0, 0.4])
+    covariance = np.array([[0.3, 0.1, 0.0], [0.1, 0.2, 0.0], [0.0, 0.0, 0.5]])
+    step = 1e-5
+    second = np.stack(
+        [(sighting.derivatives(pose + d) - sighting.derivatives(pose - d)) / (2 * step) for d in step * np.eye(3)], 2
+    )
+
+    curves = second @ covariance
+    means = 0.5 * np.trace(curves, axis1=1, axis2=2)
+    expected = 0.5 * np.einsum("iab,jba->ij", curves, curves) + np.outer(means, means)
+
+    np.testing.assert_allclose(squares_of_curves(sighting, pose, covariance), expected, rtol=1e-6)
+
+
+def test_where_the_pose_is_known_curves_are_nothing_beside_the_noise() -> None:
+    squares = squares_of_curves(sighting_of((2.0, 0.0), 2.0, 0.0), np.zeros(3), np.diag([0.05, 0.05, 0.05]) ** 2)
+
+    assert (np.diag(squares) < 1e-3 * SIGMAS**2).all()
+
+
+def test_two_landmarks_in_turn_from_a_pose_that_is_hardly_known_leave_fewer_sure_and_wrong() -> None:
+    """Two in one direction, 4.5 m away; heading known to 50 deg, place to 1.2 m: 39 % were wrong without curves.
+
+    Moments of the true distribution, by a grid of headings, leave 20 %: it is a crescent, and no Gaussian.
+    """
+    landmarks, spread = ((4.5, 0.0), (4.5, 0.4)), np.diag([1.2, 1.2, np.radians(50.0)]) ** 2
+    n_wrong, n_seeds = 0, 200
+    for seed in range(n_seeds):
+        rng = np.random.default_rng(seed)
+        true = Pose2.from_array(rng.standard_normal(3) * np.sqrt(np.diag(spread)))
+        believed, covariance = Pose2(), spread
+        for index in range(12):
+            fix = single_fix(believed, covariance, seen_from(true, landmarks[index % 2], rng), MOUNTING, 1.0)
+            if not isinstance(fix, Fix):
+                continue
+            after = np.linalg.inv(covariance) + fix.information
+            pull = fix.information @ (fix.pose_map_base.array() - believed.array())
+            covariance = np.linalg.inv(after)
+            believed = Pose2.from_array(believed.array() + covariance @ pull)
+        error = true.array() - believed.array()
+        error[2] = np.arctan2(np.sin(error[2]), np.cos(error[2]))
+        n_wrong += error @ np.linalg.solve(covariance, error) > BEYOND
+    assert n_wrong <= 0.25 * n_seeds
