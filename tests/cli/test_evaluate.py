@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -164,3 +165,60 @@ def test_other_ways_are_not_taken_for_that(folder: Path, capsys: pytest.CaptureF
 
     assert call("truth.tum", "a.tum") == 0
     assert not capsys.readouterr().err
+
+
+def write_two(path: Path) -> None:
+    """Write what two localizers said of one way, the second 20 mm to the left of the first."""
+    lines = [HEAD]
+    for i in range(40):
+        for source, aside_m in (("laser", 0.0), ("tags", 0.02)):
+            lines.append(
+                f"{0.1 * i},{source},fix,,{0.1 * i},{0.05 * i},{aside_m},0,10000,0,0,10000,0,10000,accepted,,,"
+            )
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_localizers_are_compared_without_a_truth(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_two(Path("two.csv"))
+
+    with pytest.raises(SystemExit) as left:
+        main(["evaluate", "--between", "two.csv", "--json"])
+
+    assert not left.value.code
+    (found,) = json.loads(capsys.readouterr().out)["differences"]
+    assert (found["one"], found["other"], found["kind"], found["n"]) == ("laser", "tags", "fix", 40)
+    assert found["rms_m"] == [pytest.approx(0.0), pytest.approx(0.02)]
+    assert found["per_dof"] == pytest.approx(0.02**2 / (2 * 1e-4) / 3)
+
+
+def test_the_table_names_both_and_the_unit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_two(Path("two.csv"))
+
+    with pytest.raises(SystemExit):
+        main(["evaluate", "--between", "--against", "laser", "two.csv"])
+
+    said = capsys.readouterr().out
+    assert "tags - laser" in said
+    assert "[mm]" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--against", "laser", "two.csv"), "--against belongs to --between"),
+        (("--between", "--noise", "two.csv"), "--between goes with --against and --json alone"),
+        (("--between", "--align", "none", "two.csv"), "--between goes with --against and --json alone"),
+        (("--between", "--against", "radar", "two.csv"), "no localizer 'radar' said anything; there are laser, tags"),
+        (("--between", "fixes.csv"), "no two localizers say the same kind of thing"),
+    ],
+)
+def test_what_does_not_fit_between_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], said: str
+) -> None:
+    write_two(Path("two.csv"))
+
+    with pytest.raises(SystemExit) as left:
+        main(["evaluate", *words])
+
+    assert left.value.code == 2
+    assert said in capsys.readouterr().err

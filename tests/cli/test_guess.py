@@ -22,6 +22,7 @@ def registry() -> Registry:
         (["cart.mp4"], "cart.mp4", "video"),
         (["frames/000.png"], "frames", "image_folder"),
         (["desk/rgb.txt", "desk/depth.txt"], "desk", "tum_rgbd"),
+        (["chess/frame-000000.color.png", "chess/frame-000000.pose.txt"], "chess", "rgbd_folder"),
         (["00/times.txt", "00/image_0/000000.png"], "00", "kitti_odometry"),
         (["wheels.csv"], "wheels.csv", "csv_odometry"),
         (["intel.log.gz"], "intel.log.gz", "carmen_log"),

@@ -97,6 +97,17 @@ def write_tum(path: Path) -> Path:
     return path
 
 
+def write_rgbd_folder(path: Path) -> Path:
+    path.mkdir(parents=True)
+    for index, frame in enumerate(room_run("rgbd", n_frames=N_FRAMES).frames):
+        assert isinstance(frame.payload, RGBD)
+        cv2.imwrite(str(path / f"frame-{index:06d}.color.png"), frame.payload.bgr)
+        cv2.imwrite(str(path / f"frame-{index:06d}.depth.png"), (frame.payload.depth_m * 1000).astype(np.uint16))
+        pose = f"1 0 0 0\n0 1 0 0\n0 0 1 {0.03 * index:e}\n0 0 0 1\n"
+        (path / f"frame-{index:06d}.pose.txt").write_text(pose)
+    return path
+
+
 def write_kitti(root: Path) -> Path:
     path = root / "sequences" / "00"
     write_pictures(path / "image_0")
@@ -154,6 +165,7 @@ RECORDINGS: dict[str, tuple[Callable[[Path], Path], str, dict[str, float]]] = {
     "image_folder": (write_pictures, "pictures", {"rate_hz": 10}),
     "kitti_odometry": (write_kitti, "kitti", {}),
     "euroc": (write_euroc, "euroc", {}),
+    "rgbd_folder": (write_rgbd_folder, "scenes", {}),
     "rosbag": (write_bag, "bag", {}),
     "tum_rgbd": (write_tum, "tum", {}),
     "video": (write_video, "film.avi", {}),

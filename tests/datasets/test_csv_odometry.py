@@ -57,6 +57,19 @@ def test_a_velocity_holds_forward_or_backward(tmp_path, play, hold, expected_m):
     np.testing.assert_allclose(poses(frames)[:, 0], expected_m)
 
 
+@pytest.mark.parametrize("per_row", [True, False])
+def test_a_way_and_a_turn_drive_an_arc(tmp_path, play, per_row):
+    """A quarter of a circle of 2 m in ten steps, told step by step or since the start."""
+    way_m, turn_rad = math.pi / 10.0, math.pi / 20.0
+    rows = [(k, way_m * (1 if per_row else k), turn_rad * (1 if per_row else k)) for k in range(11)]
+    text = "t,distance,turn\n" + "".join(f"{k},{way!r},{turn!r}\n" for k, way, turn in rows)
+
+    frames = play(csv(tmp_path, text, per_row=per_row))
+
+    np.testing.assert_allclose(poses(frames)[-1], [2.0, 2.0, math.pi / 2.0], atol=1e-12)
+    np.testing.assert_allclose(poses(frames)[0], 0.0)
+
+
 def test_wheels_drive_arcs(tmp_path, play):
     """Over a quarter turn to the left about a point 1 m beside the robot, track 0.5 m."""
     left, right = 0.75 * math.pi / 2, 1.25 * math.pi / 2

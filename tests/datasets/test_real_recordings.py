@@ -6,7 +6,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
+from trailmark import Pipeline
 from trailmark.frames import DepthCamera
 from trailmark.interfaces import FrameSource, Session
 from trailmark_datasets.carmen_log import CarmenLog
@@ -21,6 +23,7 @@ from trailmark_datasets.config import (
 from trailmark_datasets.csv_odometry import CsvOdometry
 from trailmark_datasets.image_folder import ImageFolder
 from trailmark_datasets.kitti_odometry import KittiOdometry
+from trailmark_datasets.known import PLAZA1, PLAZA2
 from trailmark_datasets.rosbag import Rosbag
 from trailmark_datasets.tum_rgbd import TumRgbd
 
@@ -137,3 +140,14 @@ def test_a_plain_folder_of_kitti_and_the_corridor_are_read(data_folder):
 
     assert counted(street)[0] == {"front": 300}
     assert counted(corridor)[0] == {"front": 111}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "named"), [(1, PLAZA1), (2, PLAZA2)])
+def test_a_lawn_mower_among_radios_is_led_by_the_recording_that_is_named(data_folder, number, named):
+    with Pipeline(named.config_in(data_folder)) as pipeline:
+        *_, last = pipeline
+
+    truth = loadmat(data_folder / f"uwb/Plaza{number}_.mat")["GT"][-1]
+    believed = last.belief.pose_map_base
+    assert np.hypot(believed.x - truth[1], believed.y - truth[2]) < 1.5  # of 1.9 and 1.4 km

@@ -17,6 +17,7 @@ NAMES = (
     "euroc",
     "image_folder",
     "kitti_odometry",
+    "rgbd_folder",
     "rosbag",
     "tum_rgbd",
     "video",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -18,7 +19,10 @@ from trailmark.evaluation import AlignKind, EstimateTable, Protocol, RunWarning,
 from trailmark.geometry import Trajectory
 from trailmark.paths import Path as TaughtPath
 from trailmark.paths import TaughtPlaces
-from trailmark.report.tables import Trajectories, trajectories_table
+from trailmark.report.tables import Column, Table, Trajectories, trajectories_table
+
+if TYPE_CHECKING:
+    from trailmark.evaluation.differences import Difference
 
 __all__ = ["evaluate_command"]
 
@@ -46,6 +50,8 @@ _MOST_SCALE = 10.0
     metavar="FILE",
     help="Instead of GT.tum: relations between poses (t1 t2 x y z roll pitch yaw).",
 )
+@click.option("--between", is_flag=True, help="No truth: how the localizers of a run's estimates.csv differ.")
+@click.option("--against", metavar="NAME", help="With --between: only from this localizer.")
 @click.option("--json", "as_json", is_flag=True, help="Print all metrics as JSON.")
 @click.pass_context
 def evaluate_command(
@@ -57,14 +63,24 @@ def evaluate_command(
     noise: bool,
     store: Path | None,
     relations: Path | None,
+    between: bool,
+    against: str | None,
     as_json: bool,
 ) -> None:
     """Metrics in the plane for trajectories of any program, in the TUM format (t x y z qx qy qz qw).
 
     With --noise the errors of what each localizer of a run said, as the lines that tell them to the estimator `kalman`.
     With --relations no truth is named and nothing is aligned: how far each trajectory contradicts the relations.
+    With --between no truth is named either: all files are tables of estimates, and their localizers are compared.
     """
     is_aligned = context.get_parameter_source("align") is not ParameterSource.DEFAULT
+    if against is not None and not between:
+        raise ConfigError("--against belongs to --between")
+    if between:
+        if noise or store is not None or relations is not None or is_aligned or max_difference_s is not None:
+            raise ConfigError("--between goes with --against and --json alone: it needs no truth and aligns nothing")
+        _print_differences(files, against, as_json)
+        return
     if relations is not None:
         if noise or store is not None:
             raise ConfigError("--relations goes with neither --noise nor --store")
@@ -185,6 +201,48 @@ def _print_relation_table(documents: Sequence[dict[str, Any]]) -> None:
                 f"  {group.replace('_', ' '):22}{found['n']:18}{translation:>22}{found['translation_m_max']:10.3f}"
                 f"{rotation:>20}{found['rotation_deg_max']:10.2f}"
             )
+
+
+def _print_differences(tables: Sequence[Path], against: str | None, as_json: bool) -> None:
+    """Print how localizers of runs differ from each other, beside what both state."""
+    from trailmark.evaluation.differences import localizer_differences
+    from trailmark.evaluation.estimates_table import read_estimates
+
+    for table in tables:
+        found = localizer_differences(read_estimates(table), against)
+        if not found:
+            raise DataError(
+                f"{table}: no two localizers say the same kind of thing at the same time five times or more"
+            )
+        if as_json:
+            click.echo(json.dumps({"file": str(table), "differences": [one.document() for one in found]}, indent=1))
+        else:
+            _print_difference_table(table, found)
+
+
+def _print_difference_table(table: Path, found: Sequence[Difference]) -> None:
+    from trailmark.report.console import print_table
+
+    heads = ("localizers", "kind", "n", "mean", "rms", "largest", "NEES/dof")
+    rows = []
+    for one in found:
+        triples = (" ".join(_told(value) for value in triple) for triple in _in_mm_and_deg(one))
+        rows.append((f"{one.one} - {one.other}", one.kind, str(one.n), *triples, f"{one.per_dof:.3g}"))
+    notes = (
+        f"{table}. x, y [mm], heading [deg] of motions over a second and of poses; of path offsets along and beside.",
+        "NEES/dof: squares of differences in units of what both state together; 1 where they differ as they say.",
+    )
+    print_table(Table(tuple(Column(head, is_number=head not in heads[:2]) for head in heads), tuple(rows), notes))
+
+
+def _in_mm_and_deg(found: Difference) -> Iterator[tuple[float, float, float]]:
+    for triple in (found.mean, found.rms, found.largest):
+        along, aside, turn = triple.tolist()
+        yield 1e3 * along, 1e3 * aside, math.degrees(turn)
+
+
+def _told(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
 def _taught_of(store: Path) -> tuple[TaughtPath, TaughtPlaces | None]:

@@ -18,6 +18,7 @@ __all__ = [
     "ImageFolderConfig",
     "KittiOdometryConfig",
     "PosesConfig",
+    "RgbdFolderConfig",
     "RgbdTopics",
     "RosbagConfig",
     "TumRgbdConfig",
@@ -29,7 +30,7 @@ AngleUnit = Literal["rad", "deg"]
 
 POSE_COLUMNS = ("t", "file", "x", "y", "theta")
 RECORD_COLUMNS = ("t", "id", "range", "bearing")
-ODOMETRY_COLUMNS = ("t", "x", "y", "theta", "v", "omega", "left", "right", "distance")
+ODOMETRY_COLUMNS = ("t", "x", "y", "theta", "v", "omega", "left", "right", "distance", "turn")
 
 
 def _known_columns(columns: dict[str, str], known: Iterable[str]) -> dict[str, str]:
@@ -132,6 +133,23 @@ class TumRgbdConfig(SourceConfig):
     """Truth is not interpolated between poses farther apart [s]."""
 
 
+class RgbdFolderConfig(SourceConfig):
+    """Numbered files of colour, depth and poses: 7-Scenes, exports of ScanNet and others."""
+
+    path: ExistingPath
+    """The folder of the sequence."""
+    colour: str | None = None
+    """Pattern of the colour pictures below `path`; left out: `*.color.*`, `color/*` or `rgb/*`."""
+    depth: str | None = None
+    """Pattern of the depth pictures; left out: `*.depth.*` or `depth/*`."""
+    poses: str | None = None
+    """Pattern of the files of poses; left out: `*.pose.txt`, `pose/*.txt` or `poses/*.txt`."""
+    rate_hz: float = Field(30.0, gt=0)
+    """Pictures a second: the files have no stamps [Hz]."""
+    depth_factor: float = Field(1000.0, gt=0)
+    """Depth values per metre; 0 and 65535 mean unknown."""
+
+
 class KittiOdometryConfig(SourceConfig):
     """A sequence of the KITTI odometry benchmark, or a plain folder of numbered pictures."""
 
@@ -183,14 +201,15 @@ class CsvOdometryConfig(PosesConfig):
     """Columns of a table without a header row."""
     columns: dict[str, str] = Field(default_factory=dict)
     """Columns that bear other names: `quantity: name`, for example `{t: seconds, v: speed}`."""
-    quantity: Literal["pose", "velocity", "wheels", "distance"] | None = None
-    """Which columns to use; left out: the first that are there of x, y, theta; left, right; v, omega; distance."""
+    quantity: Literal["pose", "velocity", "wheels", "arc", "distance"] | None = None
+    """Which columns to use; left out: the first that are there of x, y, theta; left, right; v, omega; distance, turn;
+    distance."""
     angle_unit: AngleUnit = "rad"
-    """Unit of theta and omega."""
+    """Unit of theta, omega and turn."""
     metres_per_unit: float = Field(1.0, gt=0)
     """Length of one unit of x, y, v, left, right and distance: the length of a tick, 0.001 for millimetres [m]."""
     per_row: bool = False
-    """true: left, right and distance are since the row before; false: since the start."""
+    """true: left, right, distance and turn are since the row before; false: since the start."""
     track_width_m: float | None = Field(None, gt=0)
     """Distance between the left and right wheels; needed for left, right [m]."""
     hold: Literal["forward", "backward"] = "forward"

@@ -103,6 +103,23 @@ class WheelOdometer(Odometer):
         return Odometry(self._pose, twist=twist)
 
 
+class ArcOdometer(Odometer):
+    """Columns distance, turn: way of the robot and its turn; between two rows it drives an arc."""
+
+    _pose = Pose2()
+    _last: tuple[float, float] | None = None
+
+    def step(self, stamp_s: float, row: TableRow) -> Odometry:
+        """Return the pose after the row."""
+        way_m, turn_rad = row.number("distance") * self.metres, row.number("turn") * self.radians
+        twist = self.twist(row) if self.has_twist else None
+        last_m, last_rad = (0.0, 0.0) if self.config.per_row else (self._last or (way_m, turn_rad))
+        if self._last is not None:  # what the first row tells lies before the start
+            self._pose = self._pose @ Pose2.exp(way_m - last_m, 0.0, turn_rad - last_rad)
+        self._last = way_m, turn_rad
+        return Odometry(self._pose, twist=twist)
+
+
 class DistanceOdometer(Odometer):
     """Column distance: the way of the robot, backwards negative; where it turned is not known."""
 
@@ -124,12 +141,13 @@ QUANTITIES: dict[str, tuple[tuple[str, ...], type[Odometer]]] = {
     "pose": (("x", "y", "theta"), PoseOdometer),
     "wheels": (("left", "right"), WheelOdometer),
     "velocity": (("v", "omega"), VelocityOdometer),
+    "arc": (("distance", "turn"), ArcOdometer),
     "distance": (("distance",), DistanceOdometer),
 }
 
 
 class CsvOdometry(RecordedSource):
-    """Poses, wheel distances, velocities or distances; every frame says the way since the first row."""
+    """Poses, wheel distances, velocities, arcs or distances; every frame says the way since the first row."""
 
     config: CsvOdometryConfig
     _name = ""

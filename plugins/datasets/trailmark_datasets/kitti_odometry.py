@@ -17,15 +17,13 @@ from trailmark.geometry import Trajectory
 from trailmark_datasets.config import KittiOdometryConfig
 from trailmark_datasets.picture_source import Entry, PictureSource, list_pictures
 from trailmark_datasets.planar import mounting_pose, planar_trajectory
+from trailmark_datasets.pose_matrices import matrix_of, pose_of
 from trailmark_datasets.stamps import Stamp, read_stamps
-from trailmark_datasets.textfiles import lines_of, number
+from trailmark_datasets.textfiles import lines_of
 
 __all__ = ["KittiOdometry"]
 
 logger = logging.getLogger(__name__)
-
-# Poses are written with six digits or more.
-_NOT_A_ROTATION = 1e-2
 
 
 class KittiOdometry(PictureSource):
@@ -123,25 +121,11 @@ def _poses_beside(sequence: Path) -> Path | None:
 
 def _read_poses(path: Path) -> npt.NDArray[np.float64]:
     """Read rows of a (3, 4) matrix; (N, 4, 4)."""
-    matrices = [_pose(_matrix(text.split(), f"{path}:{line}"), f"{path}:{line}") for line, text in lines_of(path)]
+    matrices = [pose_of(matrix_of(text.split(), f"{path}:{line}"), f"{path}:{line}") for line, text in lines_of(path)]
     poses = np.tile(np.eye(4), (len(matrices), 1, 1))
     if matrices:
         poses[:, :3] = matrices
     return poses
-
-
-def _pose(matrix: npt.NDArray[np.float64], where: str) -> npt.NDArray[np.float64]:
-    """Refuse what turns and stretches: a pose of zeros has no inverse."""
-    rotation = matrix[:, :3]
-    if np.abs(rotation).max() > 2 or np.abs(rotation @ rotation.T - np.eye(3)).max() > _NOT_A_ROTATION:
-        raise SourceError(f"{where}: the first three columns are no rotation")
-    return matrix
-
-
-def _matrix(fields: list[str], where: str) -> npt.NDArray[np.float64]:
-    if len(fields) != 12:
-        raise SourceError(f"{where}: expected the 12 numbers of a 3x4 matrix, found {len(fields)}")
-    return np.array([number(field, "a number of the matrix", where) for field in fields]).reshape(3, 4)
 
 
 def _read_calibration(path: Path, camera: str) -> Pinhole | None:
@@ -152,7 +136,7 @@ def _read_calibration(path: Path, camera: str) -> Pinhole | None:
     for line, text in lines_of(path):
         fields = re.split(r"[:\s]+", text)
         if fields[0] == wanted:
-            matrix = _matrix(fields[1:], f"{path}:{line}")
+            matrix = matrix_of(fields[1:], f"{path}:{line}")
             try:
                 return Pinhole(float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2]))
             except ShapeError as error:

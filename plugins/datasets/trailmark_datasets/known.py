@@ -11,7 +11,10 @@ from typing import Any
 
 from trailmark.datasets import Dataset
 
-__all__ = ["ACES", "FR079", "FR079_CORRECTED", "HUSKY", "INTEL", *(f"MRCLAM_D6_ROBOT{robot}" for robot in range(1, 6))]
+__all__ = [
+    "ACES", "FR079", "FR079_CORRECTED", "FR1_RPY", "HUSKY", "INTEL",
+    *(f"MRCLAM_D6_ROBOT{robot}" for robot in range(1, 6)), "PLAZA1", "PLAZA2",
+]  # fmt: skip
 
 _RADISH = "http://radish.sourceforge.net"
 _KUEMMERLE = "Kuemmerle et al., Autonomous Robots 27(4), 2009"
@@ -75,6 +78,82 @@ HUSKY = Dataset(
     licence="BSD",
     cite="the tests of robot_localization",
     url="https://github.com/cra-ros-pkg/robot_localization",
+)
+
+
+FR1_RPY = Dataset(
+    "TUM RGB-D freiburg1_rpy, its first 5 s: a Kinect that is turned in the hand",
+    {"rgbd/fr1_rpy_0_5s": "33ce964c8439ac9cb69d499177731b15edba66b1452c16aa7520aa2e6717d85c"},
+    {
+        "sources": {"kinect": {"plugin": "tum_rgbd", "path": "{data}/rgbd/fr1_rpy_0_5s"}},
+        "localizers": {"motion": {"plugin": "kinect_motion", "camera": "kinect"}},
+    },
+    "motion capture",
+    licence="CC BY 4.0",
+    cite="Sturm et al., IROS 2012",
+    url="https://cvg.cit.tum.de/data/datasets/rgbd-dataset",
+)
+
+
+def _plaza(
+    number: int,
+    km: str,
+    *,
+    start: tuple[float, float, float],
+    digests: tuple[str, str],
+    radios: dict[int, tuple[float, float]],
+) -> Dataset:
+    """Return the drive of a lawn mower: digests of odometry and ranges, where it begins, where the radios stand."""
+    files = [f"uwb/Plaza{number}_{what}.txt.gz" for what in ("DR", "TD")]
+    odometry, ranges = (f"{{data}}/{file}" for file in files)
+    wheels = {"plugin": "csv_odometry", "path": odometry, "header": ["t", "distance", "turn"], "per_row": True}
+    seen = {
+        "plugin": "csv_records",
+        "path": ranges,
+        "header": ["t", "_", "id", "range"],
+        "metres_per_unit": 0.9346,  # they are 7 % too long
+        "on_bad_frame": "skip",  # two of the first drive's stamps go back
+    }
+    return Dataset(
+        f"A lawn mower among four ultra-wideband radios, {km} km: odometry and ranges",
+        dict(zip(files, digests, strict=True)),
+        {
+            "sources": {"wheels": wheels, "radios": seen},
+            "localizers": {
+                "wheels": {"plugin": "odometry"},
+                "radios": {
+                    "plugin": "known_landmarks",
+                    "landmarks": {number: list(at) for number, at in radios.items()},
+                },
+            },
+            "estimator": {"plugin": "kalman"},
+            "start": list(start),
+        },
+        licence="BSD-3",
+        cite="Djugash, Hamner & Roth, Journal of Field Robotics 26(9), 2009",
+        url="https://github.com/borglab/gtsam/tree/develop/examples/Data",
+    )
+
+
+PLAZA1 = _plaza(
+    1,
+    "1.9",
+    start=(0.0, 0.0, 241.928),
+    digests=(
+        "0d8e8f4f326ac5491eaba1546cc794e3d6fbf9ba87d5b9eb036e7ce84bf0bb4b",
+        "e1d9696887378d47255c343c6c9914cdfd744b3f4f7ce57503d4745893666b85",
+    ),
+    radios={0: (-46.6232, 11.0255), 1: (11.0361, -6.9587), 6: (22.0531, 23.8485), 5: (-17.6649, 59.0092)},
+)
+PLAZA2 = _plaza(
+    2,
+    "1.4",
+    start=(-34.2086, 45.3008, 64.200),
+    digests=(
+        "db5db6cedf1b29291ec0edab5d53725e09df38330dcf00a1d6857cee51edb9f1",
+        "f05e6a654fbc82aa052fc51844851b894af52fcb64eb08154abb4695dd807f48",
+    ),
+    radios={1: (-68.9265, 18.3778), 6: (-37.5805, 69.2278), 0: (-33.6205, 26.9678), 5: (1.7095, -5.8122)},
 )
 
 

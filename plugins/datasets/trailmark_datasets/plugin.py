@@ -16,10 +16,11 @@ _SOURCES = (
     ("video", "Video", "A film", ""),
     ("camera", "Camera", "A live camera or stream", ""),
     ("tum_rgbd", "TumRgbd", "Colour and depth of the TUM RGB-D benchmark", "Sturm et al. 2012"),
+    ("rgbd_folder", "RgbdFolder", "Numbered colour, depth and pose files: 7-Scenes, ScanNet", "Shotton et al. 2013"),
     ("kitti_odometry", "KittiOdometry", "One camera of the KITTI odometry benchmark", "Geiger et al. 2012"),
     ("euroc", "Euroc", "A camera and the inertial unit in the ASL layout: EuRoC MAV, TUM VI", "Burri et al. 2016"),
     ("carmen_log", "CarmenLog", "Planar laser and odometry of a CARMEN log", ""),
-    ("csv_odometry", "CsvOdometry", "Odometry from a table: poses, wheels, velocities or distances", ""),
+    ("csv_odometry", "CsvOdometry", "Odometry from a table: poses, wheels, velocities, arcs or distances", ""),
     ("csv_records", "CsvRecords", "Ranges and bearings to known landmarks, from a table", ""),
     ("rosbag", "Rosbag", "Recordings of ROS 1 and ROS 2, and MCAP", ""),
 )
@@ -29,6 +30,7 @@ _OPENS = {
     "image_folder": ("*/*.png", "*/*.jpg", "*/*.jpeg", "*/*.bmp", "*/*.pgm", "*/*.tif", "*/*.tiff"),
     "video": ("*.mp4", "*.avi", "*.mov", "*.mkv", "*.webm", "*.m4v"),
     "tum_rgbd": ("*/rgb.txt",),
+    "rgbd_folder": ("*/*.pose.txt", "*/intrinsic/intrinsic_color.txt"),
     "kitti_odometry": ("*/times.txt",),
     "euroc": ("*/mav0/cam0/data.csv", "*/cam0/data.csv"),
     "carmen_log": ("*.log", "*.clf", "*.log.gz", "*.clf.gz", "*.log.bz2", "*.clf.bz2"),
@@ -42,6 +44,9 @@ _KNOWN = (
     ("fr079", "Freiburg 079: laser and raw odometry"),
     ("aces", "ACES building, Austin: laser and raw odometry, relations"),
     ("husky", "A Husky outdoors: odometry, inertial unit, GPS"),
+    ("plaza1", "A lawn mower among four radios, 1.9 km: odometry, ranges"),
+    ("plaza2", "A lawn mower among four radios, 1.4 km: odometry, ranges"),
+    ("fr1_rpy", "TUM RGB-D freiburg1_rpy, its first 5 s: a Kinect in the hand"),
     *((f"mrclam_d6_robot{robot}", f"UTIAS MRCLAM data set 6, robot {robot}") for robot in range(1, 6)),
 )
 
