@@ -22,7 +22,7 @@ from trailmark.paths import TaughtPlaces
 from trailmark.report.tables import Column, Table, Trajectories, trajectories_table
 
 if TYPE_CHECKING:
-    from trailmark.evaluation.differences import Difference
+    from trailmark.report.differences import Difference
 
 __all__ = ["evaluate_command"]
 
@@ -205,8 +205,8 @@ def _print_relation_table(documents: Sequence[dict[str, Any]]) -> None:
 
 def _print_differences(tables: Sequence[Path], against: str | None, as_json: bool) -> None:
     """Print how localizers of runs differ from each other, beside what both state."""
-    from trailmark.evaluation.differences import localizer_differences
     from trailmark.evaluation.estimates_table import read_estimates
+    from trailmark.report.differences import localizer_differences
 
     for table in tables:
         found = localizer_differences(read_estimates(table), against)

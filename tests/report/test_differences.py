@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from trailmark.errors import DataError
-from trailmark.evaluation.differences import Difference, localizer_differences
 from trailmark.evaluation.estimates_table import EstimateTable, table_of_rows
+from trailmark.report.differences import Difference, localizer_differences
 
 N = 400
 
