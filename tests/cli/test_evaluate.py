@@ -185,10 +185,11 @@ def test_localizers_are_compared_without_a_truth(folder: Path, capsys: pytest.Ca
         main(["evaluate", "--between", "two.csv", "--json"])
 
     assert not left.value.code
-    (found,) = json.loads(capsys.readouterr().out)["differences"]
+    (document,) = json.loads(capsys.readouterr().out)["tables"]
+    (found,) = document["differences"]
     assert (found["one"], found["other"], found["kind"], found["n"]) == ("laser", "tags", "fix", 40)
     assert found["rms_m"] == [pytest.approx(0.0), pytest.approx(0.02)]
-    assert found["per_dof"] == pytest.approx(0.02**2 / (2 * 1e-4) / 3)
+    assert found["nees_per_dof"] == pytest.approx(0.02**2 / (2 * 1e-4) / 3)
 
 
 def test_the_table_names_both_and_the_unit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

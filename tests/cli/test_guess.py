@@ -23,6 +23,7 @@ def registry() -> Registry:
         (["frames/000.png"], "frames", "image_folder"),
         (["desk/rgb.txt", "desk/depth.txt"], "desk", "tum_rgbd"),
         (["chess/frame-000000.color.png", "chess/frame-000000.pose.txt"], "chess", "rgbd_folder"),
+        (["scene/color/0.jpg", "scene/intrinsic/intrinsic_color.txt"], "scene", "rgbd_folder"),
         (["00/times.txt", "00/image_0/000000.png"], "00", "kitti_odometry"),
         (["wheels.csv"], "wheels.csv", "csv_odometry"),
         (["intel.log.gz"], "intel.log.gz", "carmen_log"),

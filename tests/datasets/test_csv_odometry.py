@@ -70,6 +70,15 @@ def test_a_way_and_a_turn_drive_an_arc(tmp_path, play, per_row):
     np.testing.assert_allclose(poses(frames)[0], 0.0)
 
 
+def test_a_heading_that_is_wrapped_turns_the_short_way(tmp_path, play):
+    rows = "".join(f"{k},{0.1 * k},{(3.1 + 0.05 * k + math.pi) % (2 * math.pi) - math.pi!r}\n" for k in range(5))
+
+    frames = play(csv(tmp_path, "t,distance,turn\n" + rows))
+
+    assert poses(frames)[-1][2] == pytest.approx(0.2)
+    assert poses(frames)[-1][0] == pytest.approx(0.4, abs=0.01)
+
+
 def test_wheels_drive_arcs(tmp_path, play):
     """Over a quarter turn to the left about a point 1 m beside the robot, track 0.5 m."""
     left, right = 0.75 * math.pi / 2, 1.25 * math.pi / 2

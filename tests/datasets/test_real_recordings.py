@@ -144,10 +144,18 @@ def test_a_plain_folder_of_kitti_and_the_corridor_are_read(data_folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "named"), [(1, PLAZA1), (2, PLAZA2)])
-def test_a_lawn_mower_among_radios_is_led_by_the_recording_that_is_named(data_folder, number, named):
+def test_a_lawn_mower_among_radios_is_found_by_the_recording_that_is_named(data_folder, number, named):
+    """Wheels alone are off by 45 and 72 m at most."""
+    file = data_folder / f"uwb/Plaza{number}_.mat"
+    if not file.exists():
+        pytest.skip(f"{file} holds the truth of these recordings, and is not here")
+    rows = []
     with Pipeline(named.config_in(data_folder)) as pipeline:
-        *_, last = pipeline
+        for step in pipeline:
+            pose = step.belief.pose_map_base
+            rows.append((step.stamp_s, pose.x, pose.y))
 
-    truth = loadmat(data_folder / f"uwb/Plaza{number}_.mat")["GT"][-1]
-    believed = last.belief.pose_map_base
-    assert np.hypot(believed.x - truth[1], believed.y - truth[2]) < 1.5  # of 1.9 and 1.4 km
+    stamps_s, x, y = np.array(rows).T
+    truth = loadmat(file)["GT"]
+    errors = np.hypot(*(np.interp(stamps_s, truth[:, 0], truth[:, k]) - way for k, way in ((1, x), (2, y))))
+    assert np.sqrt(np.mean(errors**2)) < 0.6

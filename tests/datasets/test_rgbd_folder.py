@@ -77,6 +77,34 @@ def test_numbers_are_ordered_as_numbers_and_the_lens_of_the_smaller_depth_is_sca
     assert (calibration.depth.cx, calibration.depth.cy) == (5.5, 3.5)  # the middle of 12 x 8 pixels
 
 
+def test_the_lens_of_depth_is_read_where_it_is_told(scannet, play):
+    (scannet / "intrinsic/intrinsic_depth.txt").write_text("9 0 5 0\n0 9 3 0\n0 0 1 0\n0 0 0 1\n")
+    source = rgbd(scannet)
+    play(source)
+
+    assert source.sensors["front"].calibration.depth.fx == 9.0
+
+
+@pytest.mark.parametrize("place", [".", ".."])
+@pytest.mark.parametrize(
+    ("name", "text"), [("camera.txt", "500 501 6 4\n2000\n"), ("intrinsics.txt", "500 0 6\n0 501 4\n0 0 1\n")]
+)
+def test_the_lens_stands_in_the_folder_or_above(tmp_path, scenes, play, write_picture, place, name, text):
+    sequence = tmp_path / "below"
+    sequence.mkdir()
+    for file in scenes.glob("frame*"):
+        file.rename(sequence / file.name)
+    (sequence / place / name).write_text(text)
+    source = rgbd(sequence)
+
+    frames = play(source)
+
+    calibration = source.sensors["front"].calibration
+    assert (calibration.colour.fx, calibration.colour.fy, calibration.colour.cy) == (500.0, 501.0, 4.0)
+    assert calibration.depth is None  # pixel by pixel that of colour
+    assert float(frames[0].payload.depth_m[0, 0]) == (0.5 if name == "camera.txt" else 1.0)
+
+
 def test_depth_of_the_largest_value_is_unknown(scenes, play, write_picture):
     write_picture(scenes / "frame-000001.depth.png", 65535, dtype=np.uint16)
 
@@ -112,6 +140,32 @@ def test_where_the_camera_was_lost_there_is_no_truth(scenes, play, caplog, text)
     assert "1 of 3 frames have no true pose" in caplog.text
 
 
+def test_where_the_camera_was_always_lost_that_is_said(scenes, play, caplog):
+    for file in scenes.glob("*.pose.txt"):
+        file.write_text("nan " * 16)
+    source = rgbd(scenes)
+    play(source)
+
+    with caplog.at_level(logging.WARNING):
+        assert source.ground_truth() is None
+
+    assert "3 of 3 frames have no true pose" in caplog.text
+
+
+def test_a_pattern_of_poses_that_matches_nothing_is_refused(scenes):
+    with pytest.raises(SourceError, match=r"nothing matches \*\.poses\.txt; set poses"):
+        rgbd(scenes, poses="*.poses.txt").start(Session())
+
+
+def test_three_rows_of_a_pose_are_enough(scenes, play):
+    for file in scenes.glob("*.pose.txt"):
+        file.write_text("\n".join(file.read_text().splitlines()[:3]))
+    source = rgbd(scenes, rate_hz=10)
+    play(source)
+
+    np.testing.assert_allclose(source.ground_truth().poses[-1], [0.3, 0.0, math.radians(6)], atol=1e-6)
+
+
 def test_without_files_of_poses_there_is_no_truth(scenes, play):
     for file in scenes.glob("*.pose.txt"):
         file.unlink()
@@ -141,13 +195,21 @@ def test_patterns_replace_the_known_layouts(tmp_path, play, write_picture):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda folder: [file.unlink() for file in folder.glob("*.depth.png")], "no depth picture: nothing matches"),
+        (
+            lambda folder: [file.unlink() for file in folder.glob("*.depth.png")],
+            r"nothing matches \*\.depth\.\* or depth/\*; set depth: a pattern",
+        ),
         (lambda folder: (folder / "frame-000001.color.png").rename(folder / "frame.color.png"), "has no number before"),
         (
             lambda folder: (folder / "frame-000001.color.png").rename(folder / "other-000003.color.png"),
             "have the same number",
         ),
-        (lambda folder: (folder / "camera.txt").write_text("585 585 320\n"), "expected fx fy cx cy or a matrix"),
+        (lambda folder: (folder / "camera.txt").write_text("585 585 320\n"), "expected fx fy cx cy"),
+        (lambda folder: (folder / "intrinsics.txt").write_text("585 0 320\n"), "expected the 9 or 16 numbers"),
+        (
+            lambda folder: [file.rename(f"{file}".replace("-000003", "-9000003")) for file in folder.glob("*03.*")],
+            "between the numbers 0 and 9000003: these are no indices",
+        ),
         (lambda folder: (folder / "camera.txt").write_text("0 585 320 240\n"), "focal lengths must be positive"),
     ],
 )
@@ -160,7 +222,13 @@ def test_what_is_missing_or_ambiguous_is_named(scenes, spoil, message):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("1 2 3\n", "expected the 12 or 16 numbers"), ("0 " * 16, "are no rotation"), ("x " * 16, "not a number")],
+    [
+        ("1 2 3\n", "expected the 12 or 16 numbers"),
+        ("0 " * 12, "are no rotation"),
+        ("1 0 0 0 0 1 0 0 0 0 -1 0", "are no rotation"),  # a mirror
+        ("x " * 12, "not a number"),
+        ("1 0 0 0 0 1 0 0 0 0 1 0 0.5 0 0 1", "is the matrix written column by column"),
+    ],
 )
 def test_a_malformed_pose_is_named(scenes, play, text, message):
     (scenes / "frame-000001.pose.txt").write_text(text)

@@ -80,7 +80,7 @@ def test_who_differs_as_both_state_has_one() -> None:
         )
     )
 
-    assert found.per_dof == pytest.approx(1.0, abs=0.15)
+    assert found.nees_per_dof == pytest.approx(1.0, abs=0.15)
     np.testing.assert_allclose(found.rms, np.sqrt([1e-3, 1e-3, 1e-5]), rtol=0.15)
 
 
@@ -118,7 +118,7 @@ def test_what_one_does_not_measure_is_not_compared() -> None:
 
 def test_nobody_is_compared_across_a_gap_with_what_was_refused_or_with_another_kind() -> None:
     stamps_s, late_s = 0.1 * np.arange(20), 0.05 + 2.0 * np.arange(10)
-    zeros = [(0.0, 0.0, 0.0)]
+    zeros = [(0.0, 0.0, 0.0)]  # of the gappy one the first alone lies between two that are near
 
     found = localizer_differences(
         table(
@@ -132,12 +132,79 @@ def test_nobody_is_compared_across_a_gap_with_what_was_refused_or_with_another_k
     assert found == []
 
 
-def test_motions_with_a_gap_are_compared_on_either_side_of_it() -> None:
+def test_equal_stamps_are_compared_however_rare_they_are() -> None:
+    stamps_s = 2.0 * np.arange(12)
+
+    found = only(
+        localizer_differences(
+            table(
+                told("a", "fix", stamps_s, [(1.0, 0.0, 0.0)] * 12),
+                told("b", "fix", stamps_s + 4e-7, [(0.0, 0.0, 0.0)] * 12),
+            )
+        )
+    )
+
+    assert found.n == 12
+    np.testing.assert_allclose(found.mean, [1.0, 0.0, 0.0])
+
+
+def test_the_circle_about_a_landmark_counts_neither_as_a_number_nor_as_a_difference() -> None:
+    """Fixes of one landmark, range and bearing: what they say of the circle is anything, and two numbers are left."""
+    rng = np.random.default_rng(5)
+    stamps_s = 0.1 * np.arange(N)
+    rows = np.array([[-1.0, 0.0, 0.0], [0.0, -1.0 / 3.0, -1.0]])  # the landmark 3 m ahead
+    information = rows.T @ np.diag([0.05**-2, 0.02**-2]) @ rows
+    blind = np.array([0.0, -3.0, 1.0])
+    numbers = (rng.standard_normal((N, 2)) * [0.05, 0.02]) @ np.linalg.pinv(rows).T + rng.standard_normal(
+        (N, 1)
+    ) * blind
+    poses = table(
+        told("landmark", "fix", stamps_s, numbers), told("laser", "fix", stamps_s, np.zeros((N, 3)), (1e-3, 1e-3, 1e-3))
+    )
+    is_landmark = poses.source == "landmark"
+    poses.information[is_landmark] = information
+
+    found = only(localizer_differences(poses))
+
+    assert found.nees_per_dof == pytest.approx(1.0, abs=0.15)
+    assert found.rms[0] == pytest.approx(0.05, rel=0.15)
+    assert math.isnan(found.rms[1])
+    assert math.isnan(found.rms[2])
+
+
+def test_motions_that_end_elsewhere_differ_as_they_say() -> None:
+    """One a second and one every 0.9 s, honest both: what lies in a window by a part counts by its share, squared."""
+    rng = np.random.default_rng(9)
+    noise = np.array([0.02, 0.02, 0.004])
+
+    def of(source: str, every_s: float):
+        ends = every_s * np.arange(1, int(400 / every_s))
+        numbers = np.array([0.4 * every_s, 0.0, 0.0]) + noise * rng.standard_normal((len(ends), 3))
+        return told(source, "motion", ends, numbers, tuple(noise), since_s=ends - every_s)
+
+    found = only(localizer_differences(table(of("slow", 1.0), of("quick", 0.9))))
+
+    assert found.nees_per_dof == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_motion_of_which_one_row_lacks_the_heading_is_compared_in_all_other_windows() -> None:
+    ends = 0.1 * np.arange(1, 401)
+    camera = list(told("camera", "motion", ends, [(0.05, 0.0, 0.0)] * 400, since_s=ends - 0.1))
+    camera[200][1]["info_tt"] = "0"
+
+    found = only(localizer_differences(table(camera, motions("wheels", 20, 0.5, 0.0))))
+
+    assert found.rms[2] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("rate_hz", [5, 20])
+def test_motions_with_a_gap_are_compared_on_either_side_of_it(rate_hz: float) -> None:
+    """The one with the gap speaks more seldom than the other, or more often."""
     ends = 0.1 * np.arange(1, 201)
     kept = (ends < 5.0) | (ends > 8.05)
     camera = told("camera", "motion", ends[kept], [(0.05, 0.0, 0.0)] * int(kept.sum()), since_s=ends[kept] - 0.1)
 
-    found = only(localizer_differences(table(camera, motions("wheels", 20, 0.5, 0.0))))
+    found = only(localizer_differences(table(camera, motions("wheels", rate_hz, 0.5, 0.0))))
 
     assert 14 <= found.n <= 16
     np.testing.assert_allclose(found.largest, 0.0, atol=1e-9)

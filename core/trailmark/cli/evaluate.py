@@ -208,16 +208,18 @@ def _print_differences(tables: Sequence[Path], against: str | None, as_json: boo
     from trailmark.evaluation.estimates_table import read_estimates
     from trailmark.report.differences import localizer_differences
 
-    for table in tables:
-        found = localizer_differences(read_estimates(table), against)
-        if not found:
-            raise DataError(
-                f"{table}: no two localizers say the same kind of thing at the same time five times or more"
-            )
-        if as_json:
-            click.echo(json.dumps({"file": str(table), "differences": [one.document() for one in found]}, indent=1))
-        else:
-            _print_difference_table(table, found)
+    found = {table: localizer_differences(read_estimates(table), against) for table in tables}
+    for table, differences in found.items():
+        if not differences:
+            raise DataError(f"{table}: no two localizers say the same kind of thing at the same time ten times or more")
+    if as_json:
+        documents = [
+            {"file": str(table), "differences": [one.document() for one in each]} for table, each in found.items()
+        ]
+        click.echo(json.dumps({"tables": documents}, indent=1))
+        return
+    for table, differences in found.items():
+        _print_difference_table(table, differences)
 
 
 def _print_difference_table(table: Path, found: Sequence[Difference]) -> None:
@@ -226,8 +228,8 @@ def _print_difference_table(table: Path, found: Sequence[Difference]) -> None:
     heads = ("localizers", "kind", "n", "mean", "rms", "largest", "NEES/dof")
     rows = []
     for one in found:
-        triples = (" ".join(_told(value) for value in triple) for triple in _in_mm_and_deg(one))
-        rows.append((f"{one.one} - {one.other}", one.kind, str(one.n), *triples, f"{one.per_dof:.3g}"))
+        triples = (" ".join(_short_number(value) for value in triple) for triple in _in_mm_and_deg(one))
+        rows.append((f"{one.one} - {one.other}", one.kind, str(one.n), *triples, f"{one.nees_per_dof:.3g}"))
     notes = (
         f"{table}. x, y [mm], heading [deg] of motions over a second and of poses; of path offsets along and beside.",
         "NEES/dof: squares of differences in units of what both state together; 1 where they differ as they say.",
@@ -241,7 +243,7 @@ def _in_mm_and_deg(found: Difference) -> Iterator[tuple[float, float, float]]:
         yield 1e3 * along, 1e3 * aside, math.degrees(turn)
 
 
-def _told(value: float) -> str:
+def _short_number(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 

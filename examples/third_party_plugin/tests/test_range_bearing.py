@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from trailmark_mrclam.config import MrclamLandmarksConfig, RangeBearingConfig
-from trailmark_mrclam.localizer import RangeBearing, most_likely_fix, sighting
+from trailmark_mrclam.localizer import RangeBearing, most_likely_fix, sighting, squares_of_curves
 from trailmark_mrclam.source import MrclamLandmarks
 
 from trailmark.errors import SourceError
@@ -74,6 +74,18 @@ def test_derivatives_are_those_of_the_sighting() -> None:
         ahead, _ = sighting(Pose2(pose.x + dx, pose.y + dy, pose.theta + turn), landmark, MOUNTED)
         behind, _ = sighting(Pose2(pose.x - dx, pose.y - dy, pose.theta - turn), landmark, MOUNTED)
         np.testing.assert_allclose(rows[:, column], (ahead - behind) / (2 * step), atol=1e-6)
+
+
+def test_what_the_derivatives_leave_out_is_what_is_drawn() -> None:
+    pose, landmark, covariance = Pose2(1.0, 2.0, 0.7), (4.0, -1.0), np.diag([0.3, 0.2, 0.3]) ** 2
+    expected, rows = sighting(pose, landmark, MOUNTED)
+    shifts = np.random.default_rng(0).multivariate_normal(np.zeros(3), covariance, 20_000)
+    seen = np.array([sighting(Pose2.from_array(pose.array() + one), landmark, MOUNTED)[0] for one in shifts])
+    left = seen - expected - shifts @ rows.T
+
+    squares = squares_of_curves(pose, landmark, MOUNTED, covariance)
+
+    np.testing.assert_allclose(squares, left.T @ left / len(left), rtol=0.15, atol=2e-5)
 
 
 def test_the_fix_leads_to_where_an_iterated_filter_arrives() -> None:

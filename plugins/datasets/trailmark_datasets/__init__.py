@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         EurocConfig,
         ImageFolderConfig,
         KittiOdometryConfig,
+        RgbdFolderConfig,
         RosbagConfig,
         TumRgbdConfig,
         VideoConfig,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from trailmark_datasets.euroc import Euroc
     from trailmark_datasets.image_folder import ImageFolder
     from trailmark_datasets.kitti_odometry import KittiOdometry
+    from trailmark_datasets.rgbd_folder import RgbdFolder
     from trailmark_datasets.rosbag import Rosbag
     from trailmark_datasets.tum_rgbd import TumRgbd
     from trailmark_datasets.video import Video
@@ -48,6 +50,8 @@ __all__ = [
     "ImageFolderConfig",
     "KittiOdometry",
     "KittiOdometryConfig",
+    "RgbdFolder",
+    "RgbdFolderConfig",
     "Rosbag",
     "RosbagConfig",
     "TumRgbd",
@@ -69,6 +73,7 @@ __getattr__, __dir__ = lazy_names(
             "EurocConfig",
             "ImageFolderConfig",
             "KittiOdometryConfig",
+            "RgbdFolderConfig",
             "RosbagConfig",
             "TumRgbdConfig",
             "VideoConfig",
@@ -78,6 +83,7 @@ __getattr__, __dir__ = lazy_names(
         "euroc": ("Euroc",),
         "image_folder": ("ImageFolder",),
         "kitti_odometry": ("KittiOdometry",),
+        "rgbd_folder": ("RgbdFolder",),
         "rosbag": ("Rosbag",),
         "tum_rgbd": ("TumRgbd",),
         "video": ("Video",),

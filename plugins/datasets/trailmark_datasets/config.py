@@ -146,8 +146,8 @@ class RgbdFolderConfig(SourceConfig):
     """Pattern of the files of poses; left out: `*.pose.txt`, `pose/*.txt` or `poses/*.txt`."""
     rate_hz: float = Field(30.0, gt=0)
     """Pictures a second: the files have no stamps [Hz]."""
-    depth_factor: float = Field(1000.0, gt=0)
-    """Depth values per metre; 0 and 65535 mean unknown."""
+    depth_factor: float | None = Field(None, gt=0)
+    """Depth values per metre; left out: the second line of `camera.txt`, else 1000. 0 and 65535 mean unknown."""
 
 
 class KittiOdometryConfig(SourceConfig):

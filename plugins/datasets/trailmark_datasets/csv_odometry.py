@@ -9,7 +9,7 @@ from functools import partial
 
 from trailmark.errors import SourceError
 from trailmark.frames import Odometry, SensorInfo
-from trailmark.geometry import Pose2, Trajectory, Twist2
+from trailmark.geometry import Pose2, Trajectory, Twist2, wrap_angle
 from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark_datasets.config import ODOMETRY_COLUMNS, CsvOdometryConfig
 from trailmark_datasets.posetable import poses_from_table
@@ -80,10 +80,10 @@ class VelocityOdometer(Odometer):
         return Odometry(self._pose, twist=twist)
 
 
-class WheelOdometer(Odometer):
-    """Columns left, right: way of each wheel; between two rows the robot drives an arc.
+class ArcOdometer(Odometer):
+    """Columns distance, turn: way of the robot and its turn; between two rows it drives an arc.
 
-    ``d = (dl + dr) / 2``, ``dtheta = (dr - dl) / track``.
+    A turn since the start may be wrapped: from one row to the next it is less than half a turn.
     """
 
     _pose = Pose2()
@@ -91,33 +91,35 @@ class WheelOdometer(Odometer):
 
     def step(self, stamp_s: float, row: TableRow) -> Odometry:
         """Return the pose after the row."""
+        way_m, turn_rad = self.way_and_turn(row)
+        twist = self.twist(row) if self.has_twist else None
+        last, self._last = self._last, (way_m, turn_rad)
+        if last is not None:  # what the first row tells lies before the start
+            if not self.config.per_row:
+                way_m, turn_rad = way_m - last[0], self.turn_between(last[1], turn_rad)
+            self._pose = self._pose @ Pose2.exp(way_m, 0.0, turn_rad)
+        return Odometry(self._pose, twist=twist)
+
+    def way_and_turn(self, row: TableRow) -> tuple[float, float]:
+        """Return what a row says, since the row before or since the start [m, rad]."""
+        return row.number("distance") * self.metres, row.number("turn") * self.radians
+
+    def turn_between(self, before_rad: float, now_rad: float) -> float:
+        """Return the turn between two rows that say it since the start [rad]."""
+        return wrap_angle(now_rad - before_rad)
+
+
+class WheelOdometer(ArcOdometer):
+    """Columns left, right: way of each wheel, ``d = (dl + dr) / 2``, ``dtheta = (dr - dl) / track``."""
+
+    def way_and_turn(self, row: TableRow) -> tuple[float, float]:
+        """Return the way and the turn of base."""
         left_m, right_m = row.number("left") * self.metres, row.number("right") * self.metres
-        twist = self.twist(row) if self.has_twist else None
-        last_left_m, last_right_m = (0.0, 0.0) if self.config.per_row else (self._last or (left_m, right_m))
-        driven = self._last is not None  # what the first row tells lies before the start
-        self._last = left_m, right_m
-        if driven:
-            step_left_m, step_right_m = left_m - last_left_m, right_m - last_right_m
-            turn_rad = (step_right_m - step_left_m) / (self.config.track_width_m or math.inf)
-            self._pose = self._pose @ Pose2.exp((step_left_m + step_right_m) / 2.0, 0.0, turn_rad)
-        return Odometry(self._pose, twist=twist)
+        return (left_m + right_m) / 2.0, (right_m - left_m) / (self.config.track_width_m or math.inf)
 
-
-class ArcOdometer(Odometer):
-    """Columns distance, turn: way of the robot and its turn; between two rows it drives an arc."""
-
-    _pose = Pose2()
-    _last: tuple[float, float] | None = None
-
-    def step(self, stamp_s: float, row: TableRow) -> Odometry:
-        """Return the pose after the row."""
-        way_m, turn_rad = row.number("distance") * self.metres, row.number("turn") * self.radians
-        twist = self.twist(row) if self.has_twist else None
-        last_m, last_rad = (0.0, 0.0) if self.config.per_row else (self._last or (way_m, turn_rad))
-        if self._last is not None:  # what the first row tells lies before the start
-            self._pose = self._pose @ Pose2.exp(way_m - last_m, 0.0, turn_rad - last_rad)
-        self._last = way_m, turn_rad
-        return Odometry(self._pose, twist=twist)
+    def turn_between(self, before_rad: float, now_rad: float) -> float:
+        """Return the difference: wheels count on, however often base has turned."""
+        return now_rad - before_rad
 
 
 class DistanceOdometer(Odometer):

@@ -15,6 +15,7 @@ from trailmark.errors import SourceError
 from trailmark.frames import Image, SensorInfo
 from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark.sources.pictures import PICTURE_SUFFIXES, read_picture
+from trailmark_datasets.first import first_readable
 from trailmark_datasets.textfiles import natural_key
 
 __all__ = ["Entry", "PictureSource", "list_pictures", "missing_numbers"]
@@ -58,7 +59,7 @@ class PictureSource(RecordedSource):
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         self._name = name or "camera"
         self._entries = tuple(self._list())
-        first = self._first_picture()
+        first = first_readable(self._entries, self._load, self.config)
         self.expect_form(self._name, first)
         return (SensorInfo(self._name, "image", size=first.size, rate_hz=self.rate_hz or _median_rate(self._entries)),)
 
@@ -72,18 +73,6 @@ class PictureSource(RecordedSource):
 
     def _load(self, entry: Entry) -> Image:
         return Image(read_picture(entry.path, entry.where, self.grey))
-
-    def _first_picture(self) -> Image:
-        """Return the first readable picture. What is unreadable before it is counted when its turn comes."""
-        errors: list[SourceError] = []
-        for entry in self._entries:
-            try:
-                return self._load(entry)
-            except SourceError as error:
-                errors.append(error)
-                if self.config.on_bad_frame == "error":
-                    break
-        raise errors[0]
 
 
 def list_pictures(folder: Path, pattern: str | None = None) -> list[Path]:

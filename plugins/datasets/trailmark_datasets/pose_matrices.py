@@ -35,9 +35,10 @@ def pose_of(matrix: Floats, where: str) -> Floats:
     Raises
     ------
     SourceError
-        If it turns and stretches: a pose of zeros has no inverse.
+        If its first three columns are no rotation: a pose of zeros has no inverse, a mirror is no pose.
     """
     rotation = matrix[:, :3]
-    if np.abs(rotation).max() > 2 or np.abs(rotation @ rotation.T - np.eye(3)).max() > _NOT_A_ROTATION:
+    is_rigid = np.abs(rotation).max() <= 2 and np.abs(rotation @ rotation.T - np.eye(3)).max() <= _NOT_A_ROTATION
+    if not is_rigid or np.linalg.det(rotation) < 0.0:
         raise SourceError(f"{where}: the first three columns are no rotation")
     return matrix

@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.arrays import Floats
-from trailmark.errors import ShapeError, SourceError
-from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
+from trailmark.errors import SourceError
+from trailmark.frames import RGBD, DepthCamera, SensorInfo
 from trailmark.geometry import Trajectory
 from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark.sources.pictures import PICTURE_SUFFIXES, read_picture, read_raw
 from trailmark_datasets.config import RgbdFolderConfig
 from trailmark_datasets.depth import depth_in_metres
+from trailmark_datasets.first import first_readable
+from trailmark_datasets.lenses import lens_of_size, read_camera, read_matrix
 from trailmark_datasets.planar import mounting_pose, planar_trajectory
 from trailmark_datasets.pose_matrices import matrix_of, pose_of
 from trailmark_datasets.textfiles import lines_of, number
@@ -33,7 +35,12 @@ _COLOUR, _DEPTH, _POSES = (
     ("*.depth.*", "depth/*"),
     ("*.pose.txt", "pose/*.txt", "poses/*.txt"),
 )
-_LENSES = ("camera.txt", "camera-intrinsics.txt", "intrinsics.txt", "intrinsic/intrinsic_color.txt")
+_MATRICES = ("camera-intrinsics.txt", "intrinsics.txt", "intrinsic/intrinsic_color.txt")
+_DEPTH_MATRIX = "intrinsic/intrinsic_depth.txt"
+#: Depth values per metre, where nobody says.
+DEPTH_FACTOR = 1000.0
+# Exports number a few pictures by their place in the whole; stamps in names leave out all but a few in millions.
+_MOST_LEFT_OUT = 1000
 _LAST_NUMBER = re.compile(r"(\d+)\D*$")
 # What a depth camera says of what it did not measure, besides 0.
 _UNKNOWN = 65535
@@ -60,45 +67,41 @@ class RgbdFolder(RecordedSource):
     loads_ahead = True
     _name = ""
     _files: tuple[_Files, ...] = ()
+    _factor = DEPTH_FACTOR
+    _has_poses = False
 
     def open_recording(self, name: str) -> Iterable[SensorInfo]:
         """List the files, and look at the first picture and the lens."""
         self._name = name or "rgbd"
         self._files = self._list()
-        first = self._first()
+        first = first_readable(self._files, self._load, self.config)
         self.expect_form(self._name, first)
         height, width = first.bgr.shape[:2]
-        lens = _read_lens(self.config.path)
-        depth = None if lens is None else _lens_of_size(lens, first.bgr.shape[:2], first.depth_m.shape)
-        calibration = None if lens is None else DepthCamera(lens, depth)
+        calibration, factor = _lenses(self.config.path, first.bgr.shape[:2], first.depth_m.shape)
+        self._factor = self.config.depth_factor or factor or DEPTH_FACTOR
         return (SensorInfo(self._name, "rgbd", (width, height), self.config.rate_hz, calibration=calibration),)
 
     def _list(self) -> tuple[_Files, ...]:
         folder, config = self.config.path, self.config
         colour = _numbered(folder, (config.colour,) if config.colour else _COLOUR, "colour", PICTURE_SUFFIXES)
         depth = _numbered(folder, (config.depth,) if config.depth else _DEPTH, "depth", PICTURE_SUFFIXES)
-        poses = _numbered(folder, (config.poses,) if config.poses else _POSES, "", None)
+        poses = _numbered(folder, (config.poses,) if config.poses else _POSES, "poses" if config.poses else "", None)
         both = sorted(colour.keys() & depth.keys())
         if not both:
             raise SourceError(
                 f"{folder}: no colour picture has the number of a depth picture: {next(iter(colour.values())).name} and"
                 f" {next(iter(depth.values())).name} are the first; set the patterns colour and depth"
             )
+        if both[-1] - both[0] + 1 > _MOST_LEFT_OUT * len(both):
+            raise SourceError(
+                f"{folder}: {len(both)} pictures between the numbers {both[0]} and {both[-1]}: these are no indices."
+                " Pictures with stamps in their names can be listed in rgb.txt and depth.txt for the source 'tum_rgbd'"
+            )
         self.counted["unpaired_colour"] = len(colour) - len(both)
         self.counted["unpaired_depth"] = len(depth) - len(both)
+        self._has_poses = bool(poses)
         rate_hz = config.rate_hz
         return tuple(_Files((n - both[0]) / rate_hz, colour[n], depth[n], poses.get(n)) for n in both)
-
-    def _first(self) -> RGBD:
-        errors: list[SourceError] = []
-        for files in self._files:
-            try:
-                return self._load(files)
-            except SourceError as error:
-                errors.append(error)
-                if self.config.on_bad_frame == "error":
-                    break
-        raise errors[0]
 
     def lasts_s(self) -> float | None:
         """Return the time from the first picture to the last."""
@@ -114,16 +117,16 @@ class RgbdFolder(RecordedSource):
         raw = read_raw(files.depth, str(files.depth))
         if raw.dtype == np.uint16:
             raw = np.where(raw == _UNKNOWN, np.uint16(0), raw)
-        return RGBD(bgr, depth_in_metres(raw, self.config.depth_factor, str(files.depth)))
+        return RGBD(bgr, depth_in_metres(raw, self._factor, str(files.depth)))
 
     def ground_truth(self) -> Trajectory | None:
         """Return the true pose of base at every frame whose file of a pose has one; None without any."""
         told = [(files.stamp_s, None if files.pose is None else _read_pose(files.pose)) for files in self._files]
         known = [(stamp_s, pose) for stamp_s, pose in told if pose is not None]
+        if len(known) < len(told) and self._has_poses:
+            logger.warning("%s: %d of %d frames have no true pose", self.config.path, len(told) - len(known), len(told))
         if not known:
             return None
-        if len(known) < len(told):
-            logger.warning("%s: %d of %d frames have no true pose", self.config.path, len(told) - len(known), len(told))
         stamps_s = np.array([stamp_s for stamp_s, _ in known])
         poses = np.array([pose for _, pose in known])
         return planar_trajectory(stamps_s, poses, mounting_pose(self.config.mounting), self.config.start_s or 0.0)
@@ -140,7 +143,7 @@ def _numbered(folder: Path, patterns: Sequence[str], what: str, suffixes: Iterab
         if found:
             return _by_number(found)
     if what:
-        raise SourceError(f"{folder}: no {what} picture: nothing matches {', '.join(patterns)}; set the pattern {what}")
+        raise SourceError(f"{folder}: nothing matches {' or '.join(patterns)}; set {what}: a pattern of files below it")
     return {}
 
 
@@ -158,44 +161,33 @@ def _by_number(paths: Iterable[Path]) -> dict[int, Path]:
 
 def _read_pose(path: Path) -> Floats | None:
     """Return the matrix (4, 4) from the camera's optical axes to the world; None where it is not finite."""
-    rows = [field for _, text in lines_of(path) for field in text.replace(",", " ").split()]
-    if len(rows) not in (12, 16):
-        raise SourceError(f"{path}: expected the 12 or 16 numbers of a matrix, found {len(rows)}")
-    if any(word in field.lower() for field in rows[:12] for word in ("nan", "inf")):
+    where, words = str(path), [word for _, text in lines_of(path) for word in text.replace(",", " ").split()]
+    if len(words) not in (12, 16):
+        raise SourceError(f"{where}: expected the 12 or 16 numbers of a matrix, found {len(words)}")
+    if any(unknown in word.lower() for word in words for unknown in ("nan", "inf")):
         return None
+    if len(words) == 16 and [number(word, "a number of the matrix", where) for word in words[12:]] != [0, 0, 0, 1]:
+        raise SourceError(f"{where}: the last row is not 0 0 0 1; is the matrix written column by column?")
     pose = np.eye(4)
-    pose[:3] = pose_of(matrix_of(rows[:12], str(path)), str(path))
+    pose[:3] = pose_of(matrix_of(words[:12], where), where)
     return pose
 
 
-def _read_lens(folder: Path) -> Pinhole | None:
-    """Read ``fx fy cx cy``, or a matrix, from a file in the folder or above; None without one."""
-    candidates = [place / name for place in (folder, folder.resolve().parent) for name in _LENSES]
-    path = next((one for one in candidates if one.is_file()), None)
-    if path is None:
-        return None
-    fields = [
-        number(field, "a lens parameter", str(path))
-        for _, text in lines_of(path)
-        for field in text.replace(",", " ").split()
-    ]
-    if len(fields) in (9, 16):
-        width = 3 if len(fields) == 9 else 4
-        fields = [fields[0], fields[width + 1], fields[2], fields[width + 2]]
-    if len(fields) != 4:
-        raise SourceError(f"{path}: expected fx fy cx cy or a matrix of 9 or 16 numbers, found {len(fields)} numbers")
-    fx, fy, cx, cy = fields
-    try:
-        return Pinhole(fx, fy, cx, cy)
-    except ShapeError as error:
-        raise SourceError(f"{path}: {error}") from error
+def _lenses(folder: Path, colour: tuple[int, ...], depth: tuple[int, ...]) -> tuple[DepthCamera | None, float | None]:
+    """Return what files in the folder or above say of the lenses, and of depth values per metre; None: nothing.
 
-
-def _lens_of_size(lens: Pinhole, size: tuple[int, ...], other: tuple[int, ...]) -> Pinhole | None:
-    """Return the lens of a depth picture that shows what the colour picture does in other pixels; None: in the same."""
-    if size == other:
-        return None
-    down, across = other[0] / size[0], other[1] / size[1]
-    return Pinhole(
-        lens.fx * across, lens.fy * down, (lens.cx + 0.5) * across - 0.5, (lens.cy + 0.5) * down - 0.5, lens.distortion
-    )
+    Depth is registered to colour. Where its picture is of another size it has a lens of its own: what a file says, else
+    that of colour in other pixels.
+    """
+    for place in (folder, folder.resolve().parent):
+        lens, factor = read_camera(place / "camera.txt")
+        matrix = next((place / name for name in _MATRICES if (place / name).is_file()), None)
+        if lens is None and matrix is not None:
+            lens = read_matrix(matrix)
+        if lens is not None:
+            own = place / _DEPTH_MATRIX
+            of_depth = None
+            if colour != depth:
+                of_depth = read_matrix(own) if own.is_file() else lens_of_size(lens, colour, depth)
+            return DepthCamera(lens, of_depth), factor
+    return None, None

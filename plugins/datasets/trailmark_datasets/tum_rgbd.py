@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from trailmark.errors import ShapeError, SourceError
-from trailmark.frames import RGBD, DepthCamera, Pinhole, SensorInfo
+from trailmark.errors import SourceError
+from trailmark.frames import RGBD, DepthCamera, SensorInfo
 from trailmark.geometry import Trajectory
 from trailmark.sources import Reading, Readings, RecordedSource
 from trailmark.sources.pictures import read_picture, read_raw
 from trailmark_datasets.config import TumRgbdConfig
 from trailmark_datasets.depth import depth_in_metres, pair_nearest
+from trailmark_datasets.first import first_readable
+from trailmark_datasets.lenses import read_camera
 from trailmark_datasets.planar import covered_stamps, interpolated_poses, mounting_pose, planar_trajectory
 from trailmark_datasets.stamps import Stamp, read_stamps
 from trailmark_datasets.textfiles import lines_of, number
@@ -56,9 +58,9 @@ class TumRgbd(RecordedSource):
         self._pairs = self._pair_by_stamp(colour, depth)
         self.counted["unpaired_colour"] = len(colour) - len(self._pairs)
         self.counted["unpaired_depth"] = len(depth) - len(self._pairs)
-        lens, factor = _read_camera(self.config.path / "camera.txt")
+        lens, factor = read_camera(self.config.path / "camera.txt")
         self._factor = self.config.depth_factor or factor or DEPTH_FACTOR
-        first = self._first()
+        first = first_readable(self._pairs, self._load, self.config)
         self.expect_form(self._name, first)
         height, width = first.bgr.shape[:2]
         return (
@@ -95,17 +97,6 @@ class TumRgbd(RecordedSource):
                 " Set max_difference_s"
             )
         return tuple(_Pair(colour[i], depth[found[i]]) for i in sorted(found))
-
-    def _first(self) -> RGBD:
-        errors: list[SourceError] = []
-        for pair in self._pairs:
-            try:
-                return self._load(pair)
-            except SourceError as error:
-                errors.append(error)
-                if self.config.on_bad_frame == "error":
-                    break
-        raise errors[0]
 
     def lasts_s(self) -> float | None:
         """Return the time from the first pair of pictures to the last."""
@@ -148,27 +139,6 @@ def _rate(pairs: tuple[_Pair, ...]) -> float | None:
     gaps = [after.colour.stamp_s - before.colour.stamp_s for before, after in pairwise(pairs)]
     middle = float(np.median(gaps)) if gaps else 0.0
     return 1.0 / middle if middle > 0 else None
-
-
-def _read_camera(path: Path) -> tuple[Pinhole | None, float | None]:
-    """Read ``fx fy cx cy [distortion]`` and, on a second line, the depth values per metre."""
-    if not path.exists():
-        return None, None
-    lines = [(f"{path}:{line}", text.replace(",", " ").split()) for line, text in lines_of(path)]
-    if not lines or len(lines[0][1]) < 4:
-        raise SourceError(f"{path}: expected fx fy cx cy, then distortion (4, 5 or 8 numbers) or nothing")
-    where, fields = lines[0]
-    fx, fy, cx, cy, *distortion = (number(field, "a lens parameter", where) for field in fields)
-    try:
-        lens = Pinhole(fx, fy, cx, cy, tuple(distortion))
-    except ShapeError as error:
-        raise SourceError(f"{where}: {error}") from error
-    if len(lines) == 1:
-        return lens, None
-    factor = number(lines[1][1][0], "the depth factor", lines[1][0])
-    if factor <= 0:
-        raise SourceError(f"{lines[1][0]}: the depth factor must be positive, not {factor}")
-    return lens, factor
 
 
 def _read_poses(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

@@ -10,9 +10,10 @@ import numpy as np
 from trailmark.arrays import Bools, Floats, Int64s
 from trailmark.geometry import Pose2, wrap_angles
 
-__all__ = ["Seen", "Sightings", "lever_of", "pose_of_base"]
+__all__ = ["NEAREST_M", "Seen", "Sightings", "lever_of", "pose_of_base"]
 
-_NEAREST_M = 1e-3  # a bearing from on top of a landmark says nothing, but must not divide by zero
+#: A bearing from on top of a landmark says nothing, but must not divide by zero [m].
+NEAREST_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +98,7 @@ class Sightings:
     def derivatives(self, pose: Floats) -> Floats:
         """Return how the expected numbers change with the sensor's (x, y, theta), (M, 3)."""
         offsets = self.landmarks - pose[:2]
-        distances = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), _NEAREST_M)
+        distances = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), NEAREST_M)
         cos, sin = offsets[:, 0] / distances, offsets[:, 1] / distances
         of_ranges = np.stack([-cos, -sin, np.zeros_like(cos)], axis=1)
         of_bearings = np.stack([sin / distances, -cos / distances, -np.ones_like(cos)], axis=1)

@@ -15,7 +15,7 @@ from trailmark.geometry import Pose2, wrap_angle
 from trailmark.interfaces import Localizer, Session
 from trailmark_mrclam.config import RangeBearingConfig
 
-__all__ = ["RangeBearing", "most_likely_fix", "sighting"]
+__all__ = ["RangeBearing", "most_likely_fix", "sighting", "squares_of_curves"]
 
 Array = npt.NDArray[np.float64]
 
@@ -75,20 +75,11 @@ class RangeBearing(Localizer):
         if found is None:
             return Lost(stamp_s, f"on top of landmark {landmark_id}")
         pose, rows = found
-        variances = np.diag(self._variances) + self._squares_of_curves(pose, belief.covariance, landmark_id)
+        landmark = self._landmarks[landmark_id]
+        curves = squares_of_curves(pose, landmark, self._pose_base_sensor, belief.covariance)
+        variances = np.diag(self._variances) + curves
         information = rows.T @ np.linalg.solve(variances, rows)
         return Fix(stamp_s, pose, (information + information.T) / 2.0, {"landmark": float(landmark_id)})
-
-    def _squares_of_curves(self, pose: Pose2, covariance: Array, landmark_id: int) -> Array:
-        """Return the mean products, (2, 2), of what derivatives leave out of range and bearing over the belief."""
-        second = np.empty((2, 3, 3))
-        for column, step in enumerate(_STEP * np.eye(3)):
-            ahead, behind = (Pose2.from_array(pose.array() + sign * step) for sign in (1.0, -1.0))
-            ends = (sighting(end, self._landmarks[landmark_id], self._pose_base_sensor)[1] for end in (ahead, behind))
-            second[:, :, column] = np.subtract(*ends) / (2.0 * _STEP)
-        curves = second @ covariance
-        means = 0.5 * np.trace(curves, axis1=1, axis2=2)
-        return np.asarray(0.5 * np.einsum("iab,jba->ij", curves, curves) + np.outer(means, means))
 
 
 def sighting(pose: Pose2, landmark: tuple[float, float], pose_base_sensor: Pose2) -> tuple[Array, Array]:
@@ -103,6 +94,22 @@ def sighting(pose: Pose2, landmark: tuple[float, float], pose_base_sensor: Pose2
         [sin / range_m, -cos / range_m, (sin * lever_x - cos * lever_y) / range_m - 1.0],
     ]
     return np.array([range_m, wrap_angle(math.atan2(dy, dx) - sensor.theta)]), np.array(rows)
+
+
+def squares_of_curves(pose: Pose2, landmark: tuple[float, float], pose_base_sensor: Pose2, covariance: Array) -> Array:
+    """Return the mean products, (2, 2), of what the derivatives of `sighting` leave out over a belief.
+
+    ``tr(H_i P H_j P) / 2 + tr(H_i P) tr(H_j P) / 4``, with the second derivatives H as differences of the first: the
+    terms of the second-order extended Kalman filter. A pose that is hardly known makes them larger than the noise.
+    """
+    second = np.empty((2, 3, 3))
+    for column, step in enumerate(_STEP * np.eye(3)):
+        ahead, behind = (Pose2.from_array(pose.array() + sign * step) for sign in (1.0, -1.0))
+        ends = (sighting(end, landmark, pose_base_sensor)[1] for end in (ahead, behind))
+        second[:, :, column] = np.subtract(*ends) / (2.0 * _STEP)
+    curves = second @ covariance
+    means = 0.5 * np.trace(curves, axis1=1, axis2=2)
+    return np.asarray(0.5 * np.einsum("iab,jba->ij", curves, curves) + np.outer(means, means))
 
 
 def most_likely_fix(
