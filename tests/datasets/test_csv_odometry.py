@@ -79,6 +79,32 @@ def test_a_heading_that_is_wrapped_turns_the_short_way(tmp_path, play):
     assert poses(frames)[-1][0] == pytest.approx(0.4, abs=0.01)
 
 
+def test_turns_that_count_on_are_not_folded(tmp_path, play):
+    rows = "".join(f"{k},0,{4.0 * k}\n" for k in range(5))
+
+    frames = play(csv(tmp_path, "t,distance,turn\n0,0,10\n" + rows.replace("0,0,0.0\n", "").replace(",4.0", ",14.0")))
+
+    assert poses(frames)[1][2] == pytest.approx(4.0 - 2.0 * math.pi)  # 14 - 10, as a heading
+
+
+@pytest.mark.parametrize("columns", ["distance,turn", "distance"])
+def test_the_way_of_a_row_whose_stamp_is_repeated_is_driven(tmp_path, play, columns):
+    n = columns.count(",") + 1
+    rows = "".join(f"{t},1{',0' * (n - 1)}\n" for t in (0, 1, 1, 2))
+    source = csv(tmp_path, f"t,{columns}\n" + rows, per_row=True)
+
+    last = play(source)[-1].payload
+
+    assert (last.distance_m if n == 1 else last.pose_start_base.x) == pytest.approx(3.0)
+
+
+def test_a_way_that_is_no_number_of_metres_is_named(tmp_path, play):
+    source = csv(tmp_path, "t,distance,turn\n0,0,0\n1,1e308,0.1\n2,-1e308,0.1\n")
+
+    with pytest.raises(SourceError, match=r"wheels\.csv:4: a way of -inf m|wheels\.csv:3: a way of"):
+        play(source)
+
+
 def test_wheels_drive_arcs(tmp_path, play):
     """Over a quarter turn to the left about a point 1 m beside the robot, track 0.5 m."""
     left, right = 0.75 * math.pi / 2, 1.25 * math.pi / 2

@@ -166,6 +166,35 @@ def test_three_rows_of_a_pose_are_enough(scenes, play):
     np.testing.assert_allclose(source.ground_truth().poses[-1], [0.3, 0.0, math.radians(6)], atol=1e-6)
 
 
+def test_a_bad_pose_takes_away_its_own_truth_alone_where_bad_frames_are_skipped(scenes, play):
+    (scenes / "frame-000001.pose.txt").write_text("banana " * 12)
+    source = rgbd(scenes, rate_hz=10, on_bad_frame="skip")
+    play(source)
+
+    np.testing.assert_allclose(source.ground_truth().stamps_s, [0.0, 0.3])
+
+
+@pytest.mark.parametrize("pattern", [".", "./"])
+def test_a_pattern_that_is_none_is_refused_in_one_line(scenes, pattern):
+    with pytest.raises(SourceError, match=r"cannot list pattern|nothing matches"):
+        rgbd(scenes, colour=pattern).start(Session())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "585 0 320\n0 585 240\n0 0 1\n",  # of pictures of 640 x 480
+        "20 0 0\n0 20 0\n6 4 1\n",  # column by column
+        "20 20 6 4 0.1 0.2 0 0 0.3\n",  # lens and distortion
+    ],
+)
+def test_a_lens_that_cannot_be_that_of_the_pictures_is_refused(scenes, text):
+    (scenes / "intrinsics.txt").write_text(text)
+
+    with pytest.raises(SourceError, match=r"outside of the colour picture of 12 x 8|column by column"):
+        rgbd(scenes).start(Session())
+
+
 def test_without_files_of_poses_there_is_no_truth(scenes, play):
     for file in scenes.glob("*.pose.txt"):
         file.unlink()

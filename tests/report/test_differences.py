@@ -132,6 +132,60 @@ def test_nobody_is_compared_across_a_gap_with_what_was_refused_or_with_another_k
     assert found == []
 
 
+def circle(source: str, rate_hz: float, until_s: float, sigma: float = 0.005, late_s: float = 0.0):
+    """Return honest fixes on a circle of 1 m at 0.5 rad/s."""
+    rng = np.random.default_rng(int(100 * rate_hz))
+    stamps_s = late_s + np.arange(0.0, until_s, 1.0 / rate_hz)
+    angle = 0.5 * stamps_s
+    poses = np.column_stack([np.sin(angle), 1.0 - np.cos(angle), angle])
+    return told(source, "fix", stamps_s, poses + sigma * rng.standard_normal(poses.shape), (sigma,) * 3)
+
+
+@pytest.mark.parametrize(("rates_hz", "until_s"), [((10.0, 1.0), (300.0, 900.0)), ((10.0, 10.0 / 3.0), (200.0, 200.0))])
+def test_honest_poses_of_other_rates_and_lengths_differ_as_they_say(rates_hz, until_s) -> None:
+    """What lies between two poses is on an arc, and surer than either; who has more rows may speak more seldom."""
+    rows = [circle(name, *of, late_s=at) for name, of, at in zip("ab", zip(rates_hz, until_s), (0.0, 0.05))]
+
+    found = only(localizer_differences(table(*rows)))
+
+    assert found.nees_per_dof == pytest.approx(1.0, abs=0.2)
+    assert found.rms[0] < 0.008
+
+
+def test_a_path_that_closes_is_not_compared_where_its_station_begins_anew() -> None:
+    stamps_s = 0.1 * np.arange(300)
+    along = 0.5 * stamps_s
+    one = [(a % 5.0, 0.0, 0.0) for a in along]
+    other = [((a + 0.03) % 5.0, 0.0, 0.0) for a in along]
+
+    found = only(
+        localizer_differences(
+            table(told("a", "pathoffset", stamps_s, one), told("b", "pathoffset", stamps_s + 0.04, other))
+        )
+    )
+
+    assert found.n > 280
+    np.testing.assert_allclose(found.largest, [0.01, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("sigmas", [(None, None, None), (1e200, 1e200, 1e200)])
+def test_who_measures_nothing_is_compared_with_nobody(sigmas) -> None:
+    stamps_s = 0.1 * np.arange(30)
+    zeros = [(0.0, 0.0, 0.0)] * 30
+
+    assert (
+        localizer_differences(table(told("a", "fix", stamps_s, zeros, sigmas), told("b", "fix", stamps_s, zeros))) == []
+    )
+
+
+def test_motions_with_a_gap_between_each_two_are_compared() -> None:
+    since_s = 2.0 * np.arange(4000)
+    rows = [(0.6, 0.0, 0.0)] * len(since_s)
+    both = [told(name, "motion", since_s + 1.2, rows, since_s=since_s) for name in ("a", "b")]
+
+    assert only(localizer_differences(table(*both))).n == len(since_s)
+
+
 def test_equal_stamps_are_compared_however_rare_they_are() -> None:
     stamps_s = 2.0 * np.arange(12)
 

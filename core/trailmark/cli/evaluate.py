@@ -208,10 +208,19 @@ def _print_differences(tables: Sequence[Path], against: str | None, as_json: boo
     from trailmark.evaluation.estimates_table import read_estimates
     from trailmark.report.differences import localizer_differences
 
-    found = {table: localizer_differences(read_estimates(table), against) for table in tables}
+    found = {}
+    for table in tables:
+        estimates = read_estimates(table)
+        try:
+            found[table] = localizer_differences(estimates, against)
+        except DataError as error:
+            raise DataError(f"{table}: {error}") from error
     for table, differences in found.items():
         if not differences:
-            raise DataError(f"{table}: no two localizers say the same kind of thing at the same time ten times or more")
+            raise DataError(
+                f"{table}: no two localizers say the same kind of thing at the same time ten times or more"
+                " (of motions that overlap, and where nothing is measured, none is compared)"
+            )
     if as_json:
         documents = [
             {"file": str(table), "differences": [one.document() for one in each]} for table, each in found.items()

@@ -83,7 +83,7 @@ class VelocityOdometer(Odometer):
 class ArcOdometer(Odometer):
     """Columns distance, turn: way of the robot and its turn; between two rows it drives an arc.
 
-    A turn since the start may be wrapped: from one row to the next it is less than half a turn.
+    A turn since the start may count on or be wrapped: within a turn it goes the shorter way to the next row.
     """
 
     _pose = Pose2()
@@ -97,7 +97,12 @@ class ArcOdometer(Odometer):
         if last is not None:  # what the first row tells lies before the start
             if not self.config.per_row:
                 way_m, turn_rad = way_m - last[0], self.turn_between(last[1], turn_rad)
-            self._pose = self._pose @ Pose2.exp(way_m, 0.0, turn_rad)
+            try:
+                self._pose = self._pose @ Pose2.exp(way_m, 0.0, turn_rad)
+            except ValueError as error:
+                raise SourceError(
+                    f"{row.where}: a way of {way_m:g} m and a turn of {turn_rad:g} rad: {error}"
+                ) from error
         return Odometry(self._pose, twist=twist)
 
     def way_and_turn(self, row: TableRow) -> tuple[float, float]:
@@ -106,7 +111,8 @@ class ArcOdometer(Odometer):
 
     def turn_between(self, before_rad: float, now_rad: float) -> float:
         """Return the turn between two rows that say it since the start [rad]."""
-        return wrap_angle(now_rad - before_rad)
+        turn_rad = now_rad - before_rad
+        return wrap_angle(turn_rad) if max(abs(before_rad), abs(now_rad)) <= math.tau else turn_rad
 
 
 class WheelOdometer(ArcOdometer):
@@ -173,11 +179,23 @@ class CsvOdometry(RecordedSource):
             except SourceError as error:
                 yield error
                 continue
-            yield Reading(self._name, stamp_s, row.where, partial(odometer.step, stamp_s, row))
+            if not self.config.per_row:
+                yield Reading(self._name, stamp_s, row.where, partial(odometer.step, stamp_s, row))
+                continue
+            try:  # now: the way of a row whose stamp is repeated is driven all the same
+                odometry = odometer.step(stamp_s, row)
+            except SourceError as error:
+                yield error
+            else:
+                yield Reading(self._name, stamp_s, row.where, partial(_itself, odometry))
 
     def ground_truth(self) -> Trajectory | None:
         """Return the poses of the table `poses`."""
         return poses_from_table(self.config, [])
+
+
+def _itself(odometry: Odometry) -> Odometry:
+    return odometry
 
 
 def _quantity_of(table: DataTable, config: CsvOdometryConfig) -> str:

@@ -32,6 +32,8 @@ def read_camera(path: Path) -> tuple[Pinhole | None, float | None]:
         raise SourceError(f"{where}: {error}") from error
     if len(lines) == 1:
         return lens, None
+    if len(lines[1][1]) != 1:
+        raise SourceError(f"{lines[1][0]}: expected the depth values per metre alone, found {len(lines[1][1])} numbers")
     factor = number(lines[1][1][0], "the depth factor", lines[1][0])
     if factor <= 0:
         raise SourceError(f"{lines[1][0]}: the depth factor must be positive, not {factor}")
@@ -51,6 +53,8 @@ def read_matrix(path: Path) -> Pinhole:
         raise SourceError(f"{path}: expected the 9 or 16 numbers of a camera's matrix, found {len(words)}")
     numbers = [number(word, "a number of the matrix", str(path)) for word in words]
     width = 3 if len(words) == 9 else 4
+    if numbers[width] or any(numbers[2 * width : 2 * width + 2]) or numbers[2 * width + 2] != 1.0:
+        raise SourceError(f"{path}: expected rows fx 0 cx, 0 fy cy, 0 0 1; is the matrix written column by column?")
     try:
         return Pinhole(numbers[0], numbers[width + 1], numbers[2], numbers[width + 2])
     except ShapeError as error:

@@ -33,14 +33,16 @@ logger = logging.getLogger(__name__)
 _COLOUR, _DEPTH, _POSES = (
     ("*.color.*", "color/*", "rgb/*"),
     ("*.depth.*", "depth/*"),
-    ("*.pose.txt", "pose/*.txt", "poses/*.txt"),
+    ("*.pose.[tT][xX][tT]", "pose/*.[tT][xX][tT]", "poses/*.[tT][xX][tT]"),
 )
 _MATRICES = ("camera-intrinsics.txt", "intrinsics.txt", "intrinsic/intrinsic_color.txt")
 _DEPTH_MATRIX = "intrinsic/intrinsic_depth.txt"
 #: Depth values per metre, where nobody says.
 DEPTH_FACTOR = 1000.0
 # Exports number a few pictures by their place in the whole; stamps in names leave out all but a few in millions.
-_MOST_LEFT_OUT = 1000
+_MOST_LEFT_OUT, _LARGEST_INDEX = 1000, 10**8
+_NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_ROUNDED = 1e-4
 _LAST_NUMBER = re.compile(r"(\d+)\D*$")
 # What a depth camera says of what it did not measure, besides 0.
 _UNKNOWN = 65535
@@ -92,7 +94,7 @@ class RgbdFolder(RecordedSource):
                 f"{folder}: no colour picture has the number of a depth picture: {next(iter(colour.values())).name} and"
                 f" {next(iter(depth.values())).name} are the first; set the patterns colour and depth"
             )
-        if both[-1] - both[0] + 1 > _MOST_LEFT_OUT * len(both):
+        if both[0] > _LARGEST_INDEX or both[-1] - both[0] + 1 > _MOST_LEFT_OUT * len(both):
             raise SourceError(
                 f"{folder}: {len(both)} pictures between the numbers {both[0]} and {both[-1]}: these are no indices."
                 " Pictures with stamps in their names can be listed in rgb.txt and depth.txt for the source 'tum_rgbd'"
@@ -121,7 +123,7 @@ class RgbdFolder(RecordedSource):
 
     def ground_truth(self) -> Trajectory | None:
         """Return the true pose of base at every frame whose file of a pose has one; None without any."""
-        told = [(files.stamp_s, None if files.pose is None else _read_pose(files.pose)) for files in self._files]
+        told = [(files.stamp_s, self._pose_of(files.pose)) for files in self._files]
         known = [(stamp_s, pose) for stamp_s, pose in told if pose is not None]
         if len(known) < len(told) and self._has_poses:
             logger.warning("%s: %d of %d frames have no true pose", self.config.path, len(told) - len(known), len(told))
@@ -131,13 +133,22 @@ class RgbdFolder(RecordedSource):
         poses = np.array([pose for _, pose in known])
         return planar_trajectory(stamps_s, poses, mounting_pose(self.config.mounting), self.config.start_s or 0.0)
 
+    def _pose_of(self, file: Path | None) -> Floats | None:
+        """Return the pose that a file tells; None where there is none, or a bad one that may be skipped."""
+        try:
+            return None if file is None else _read_pose(file)
+        except SourceError:
+            if self.config.on_bad_frame == "error":
+                raise
+            return None
+
 
 def _numbered(folder: Path, patterns: Sequence[str], what: str, suffixes: Iterable[str] | None) -> dict[int, Path]:
     """Return the files of the first pattern that matches any, by their number, in its order."""
     for pattern in patterns:
         try:
             found = [path for path in folder.glob(pattern) if path.is_file()]
-        except (ValueError, NotImplementedError, OSError) as error:
+        except (ValueError, NotImplementedError, OSError, IndexError, AttributeError) as error:  # of pathlib, for "."
             raise SourceError(f"{folder}: cannot list pattern {pattern!r}: {error}") from error
         found = [path for path in found if suffixes is None or path.suffix.lower() in suffixes]
         if found:
@@ -164,9 +175,10 @@ def _read_pose(path: Path) -> Floats | None:
     where, words = str(path), [word for _, text in lines_of(path) for word in text.replace(",", " ").split()]
     if len(words) not in (12, 16):
         raise SourceError(f"{where}: expected the 12 or 16 numbers of a matrix, found {len(words)}")
-    if any(unknown in word.lower() for word in words for unknown in ("nan", "inf")):
+    if any(_NOT_FINITE.fullmatch(word) for word in words):
         return None
-    if len(words) == 16 and [number(word, "a number of the matrix", where) for word in words[12:]] != [0, 0, 0, 1]:
+    last = [number(word, "a number of the matrix", where) for word in words[12:]]
+    if last and np.abs(np.array(last) - [0.0, 0.0, 0.0, 1.0]).max() > _ROUNDED:
         raise SourceError(f"{where}: the last row is not 0 0 0 1; is the matrix written column by column?")
     pose = np.eye(4)
     pose[:3] = pose_of(matrix_of(words[:12], where), where)
@@ -185,6 +197,11 @@ def _lenses(folder: Path, colour: tuple[int, ...], depth: tuple[int, ...]) -> tu
         if lens is None and matrix is not None:
             lens = read_matrix(matrix)
         if lens is not None:
+            if not (0.0 < lens.cx < colour[1] and 0.0 < lens.cy < colour[0]):
+                raise SourceError(
+                    f"{matrix or place / 'camera.txt'}: the principal point {lens.cx:g}, {lens.cy:g} lies outside of"
+                    f" the colour picture of {colour[1]} x {colour[0]} pixels; is it the lens of another size?"
+                )
             own = place / _DEPTH_MATRIX
             of_depth = None
             if colour != depth:
