@@ -1,6 +1,6 @@
 """How localizers of one run differ from each other, without any truth: whether they agree within what they state.
 
-It stands beside the reports and not in `evaluation`, since nothing that a run or a cell of a bench measures depends on it.
+It stands beside the reports and not in `evaluation`: nothing that a run or a cell of a bench measures depends on it.
 """
 
 from __future__ import annotations
